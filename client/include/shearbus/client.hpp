@@ -142,6 +142,13 @@ inline shearbus_options as_c(const Options& options, Callbacks& callbacks) {
   return given;
 }
 
+// Values of which there is one per node, or none: NULL.
+inline const double* per_node(const std::vector<double>& values, std::size_t nodes, const char* name) {
+  if (!values.empty() && values.size() != nodes)
+    throw std::invalid_argument(std::string(name) + ": give one value per node, or none");
+  return values.empty() ? nullptr : values.data();
+}
+
 }  // namespace detail
 
 // The columns of one step. A Step keeps pointers to arrays of the host, which must stay where they are. in() and out()
@@ -229,13 +236,12 @@ struct Nodes {
   // Keys of the scene, as "interface.friction_coefficient", each with its values; shearbus.h says more.
   std::vector<std::pair<std::string, std::vector<double>>> parameters;
 
-  // Calls use(nodes) with the nodes as a struct of the C interface.
+  // Returns use(nodes), called with the nodes as a struct of the C interface.
   template <typename Use>
-  void as_c(const Use& use) const {
+  auto as_c(const Use& use) const {
     const auto check = [&](std::size_t size, const std::string& what) {
       if (size != 0 && size != ids.size()) throw std::invalid_argument(what + ": give one value per node, or none");
     };
-    check(initial_temperature_k.size(), "initial_temperature_k");
     check(pair.size(), "pair");
     std::vector<const char*> names, keys;
     std::vector<std::uint64_t> places;
@@ -254,14 +260,14 @@ struct Nodes {
     shearbus_nodes nodes = SHEARBUS_NODES_INIT;
     nodes.n = ids.size();
     nodes.node_ids = ids.data();
-    nodes.initial_temperature_k = initial_temperature_k.empty() ? nullptr : initial_temperature_k.data();
+    nodes.initial_temperature_k = detail::per_node(initial_temperature_k, ids.size(), "initial_temperature_k");
     nodes.n_pairs = names.size();
     nodes.pairs = names.data();
     nodes.pair = places.data();
     nodes.n_parameters = keys.size();
     nodes.parameters = keys.data();
     nodes.values = values.data();
-    use(static_cast<const shearbus_nodes*>(&nodes));
+    return use(static_cast<const shearbus_nodes*>(&nodes));
   }
 };
 using TransferId = std::array<std::uint8_t, SHEARBUS_TRANSFER_BYTES>;
@@ -297,11 +303,9 @@ class Session {
  public:
   Session(const Options& options, const Ids& node_ids, const std::vector<double>& initial_temperature_k = {})
       : callbacks_(callbacks_of(options)) {
-    if (!initial_temperature_k.empty() && initial_temperature_k.size() != node_ids.size())
-      throw std::invalid_argument("initial_temperature_k: give one value per node, or none");
+    const double* temperatures = detail::per_node(initial_temperature_k, node_ids.size(), "initial_temperature_k");
     open(
         [&](shearbus_session** handle, const shearbus_options* given, shearbus_status* status) {
-          const double* temperatures = initial_temperature_k.empty() ? nullptr : initial_temperature_k.data();
           return shearbus_open(handle, given, node_ids.size(), node_ids.data(), temperatures, status);
         },
         options);
@@ -315,13 +319,11 @@ class Session {
   }
   // A session of nodes of several material pairs, or with parameters of their own.
   static Session open_nodes(const Options& options, const Nodes& nodes) {
-    Session session(callbacks_of(options));
-    nodes.as_c([&](const shearbus_nodes* of) {
-      session.open([&](shearbus_session** handle, const shearbus_options* given,
-                       shearbus_status* status) { return shearbus_open_nodes(handle, given, of, status); },
-                   options);
+    return nodes.as_c([&](const shearbus_nodes* of) {
+      return open_by(options, [&](shearbus_session** handle, const shearbus_options* given, shearbus_status* status) {
+        return shearbus_open_nodes(handle, given, of, status);
+      });
     });
-    return session;
   }
   static Session resume(const Options& options, const std::string& ticket) {
     return open_by(options, [&](shearbus_session** handle, const shearbus_options* given, shearbus_status* status) {
@@ -330,15 +332,11 @@ class Session {
   }
   // For a host that knows its nodes: throws where those of the session are others, or have other pairs or parameters.
   static Session resume(const Options& options, const std::string& ticket, const Nodes& nodes) {
-    Session session(callbacks_of(options));
-    nodes.as_c([&](const shearbus_nodes* of) {
-      session.open(
-          [&](shearbus_session** handle, const shearbus_options* given, shearbus_status* status) {
-            return shearbus_resume_nodes(handle, given, ticket.c_str(), of, status);
-          },
-          options);
+    return nodes.as_c([&](const shearbus_nodes* of) {
+      return open_by(options, [&](shearbus_session** handle, const shearbus_options* given, shearbus_status* status) {
+        return shearbus_resume_nodes(handle, given, ticket.c_str(), of, status);
+      });
     });
-    return session;
   }
   Session(Session&& other) noexcept
       : callbacks_(std::move(other.callbacks_)),
@@ -395,9 +393,7 @@ class Session {
   // The profiles of some nodes across the layer, from their committed states; shearbus.h says what they hold.
   // pressure_pa: P at which the flow stress is evaluated, one value per node; empty: 0.
   Profiles profiles(const Ids& ids, const std::vector<double>& pressure_pa = {}) {
-    if (!pressure_pa.empty() && pressure_pa.size() != ids.size())
-      throw std::invalid_argument("pressure_pa: give one value per node, or none");
-    const double* pressures = pressure_pa.empty() ? nullptr : pressure_pa.data();
+    const double* pressures = detail::per_node(pressure_pa, ids.size(), "pressure_pa");
     Profiles profiles;
     profiles.nodes = ids.size();
     call(shearbus_profiles, handle_, ids.size(), ids.data(), pressures, static_cast<const shearbus_output*>(nullptr),
@@ -414,10 +410,8 @@ class Session {
   }
 
   void register_nodes(const Ids& ids, const std::vector<double>& initial_temperature_k = {}) {
-    if (!initial_temperature_k.empty() && initial_temperature_k.size() != ids.size())
-      throw std::invalid_argument("initial_temperature_k: give one value per node, or none");
     call(shearbus_register, handle_, ids.size(), ids.data(),
-         initial_temperature_k.empty() ? nullptr : initial_temperature_k.data());
+         detail::per_node(initial_temperature_k, ids.size(), "initial_temperature_k"));
   }
   void add_nodes(const Nodes& nodes) {  // register_nodes() for such nodes
     nodes.as_c([&](const shearbus_nodes* of) { call(shearbus_register_nodes, handle_, of); });
