@@ -156,7 +156,7 @@ Answer run(const StudyCase& study_case, const Setting& setting, Outcome& outcome
   int first_order = 0, divided = 0;
   bool failed = false;
   double estimate = 0.0;
-  const Answer answer = run(study_case, rig, lengths, [&](const physics::TileOutputs& out) {
+  Answer answer = run(study_case, rig, lengths, [&](const physics::TileOutputs& out) {
     first_order += (out.outcome[0] & physics::kFirstOrder) != 0;
     divided += (out.outcome[0] & physics::kSubstepped) != 0;
     if (setting.tolerance > 0.0) estimate = std::max(estimate, out.error_estimate[0]);
