@@ -71,7 +71,10 @@ class File:
             self.values = {name: file[name][:, column][self.rows] for name in ["regime", *(name for _, lines in PANELS for name, _ in lines)]
                            if name in file and file[name].ndim == 2}
             if "regime" in self.values:
-                self.values["regime"] = regimes_of(self.values["regime"], file["regime"])
+                try:
+                    self.values["regime"] = regimes_of(self.values["regime"], file["regime"])
+                except ValueError as fault:
+                    raise ValueError(f"{self.path}: {fault}") from None
         if "sliding_velocity" in self.values and "regime" in self.values:  # nothing slides on an open contact
             self.values["sliding_velocity"] = np.where(self.values["regime"] > 0, self.values["sliding_velocity"], np.nan)
 

@@ -87,12 +87,14 @@ def provenance_of(meta, scene, known=()):
 
 
 def regimes_of(values, data):
-    """Returns the regimes that a dataset names as positions in style.REGIMES."""
+    """Returns the regimes that a dataset names as positions in style.REGIMES. Raises ValueError for one that is unknown."""
     names = list(REGIMES)
     codes = h5py.check_enum_dtype(data.dtype) or {name: code for code, name in enumerate(names)}
+    if unknown := sorted(codes.keys() - set(names)):
+        raise ValueError(f"has regimes that this version does not know: {', '.join(unknown)}")
     position = np.zeros(256, dtype="u1")
     for name, code in codes.items():
-        position[code] = names.index(name) if name in names else 0
+        position[code] = names.index(name)
     return position[values]
 
 
