@@ -116,6 +116,8 @@ std::vector<Physics> all_physics() {
   forced_waves.inertia = true;
   ModelOptions forced_waves_and_junctions = under_pressure(two_sided(flowing_junctions));
   forced_waves_and_junctions.inertia = true;
+  ModelOptions forced_waves_that_heat = forced_waves_and_junctions;
+  forced_waves_that_heat.taylor_quinney_factor = 0.9;
   ModelOptions work_heats = two_sided(flowing_junctions);
   work_heats.taylor_quinney_factor = 0.9;
   ModelOptions weakening = force;
@@ -170,6 +172,7 @@ std::vector<Physics> all_physics() {
                               {"force, plastic layer", plastic_layer},
                               {"force, inertia", forced_waves},
                               {"force, inertia, two-sided, junctions, T_melt(P)", forced_waves_and_junctions},
+                              {"force, inertia, junctions, T_melt(P), work heats", forced_waves_that_heat},
                               {"force, junctions", junctions},
                               {"force, weakening", weakening},
                               {"force, two-sided", two_sided(force)},

@@ -31,6 +31,7 @@ constexpr std::array kOfOnePair = {
                [](Draw& d, bool e) { return random_two_component_options(d, Strategy::kVelocityDriven, e); }},
     RandomKind{"force-driven, two components",
                [](Draw& d, bool e) { return random_two_component_options(d, Strategy::kForceDriven, e); }},
+    RandomKind{"force-driven, inertia, plastic heating", random_forced_inertia_heat_options},
 };
 
 constexpr auto kKinds = [] {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <optional>
 
 #include "server/physics/solver/parts.hpp"
 #include "tests/support/waves.hpp"
@@ -160,13 +161,15 @@ TEST(PhysicsWavesForced, ALayerThatFliesMeetsTheHardBodyAtTheSpeedOfItsHost) {
 }
 
 // Without mass and elasticity the layer is that of the force-driven step without inertia, which takes the mean slip of a
-// step where the waves take that of its end: the difference falls with dt.
+// step where the waves take that of its end: the difference falls with dt. So does that of work that heats in place.
 TEST(PhysicsWavesForced, ALayerWithoutMassIsTheOneWithoutInertia) {
   struct Case {
     const char* name;
     double interface_strength;  // [Pa]
+    std::optional<double> taylor_quinney_factor;
   };
-  for (const Case& of : {Case{"slips", 150e6}, Case{"flows and slips", 260e6}, Case{"flows", 2e9}}) {
+  for (const Case& of : {Case{"slips", 150e6, {}}, Case{"flows and slips", 260e6, {}}, Case{"flows", 2e9, {}},
+                         Case{"flows, all heats", 2e9, 0.9}}) {
     double before = 0.0;
     for (const int refined : {1, 2, 4}) {
       ModelOptions options = two_sided(graded(paper_options(Strategy::kForceDriven)));
@@ -175,6 +178,7 @@ TEST(PhysicsWavesForced, ALayerWithoutMassIsTheOneWithoutInertia) {
       options.soft.shear_modulus *= 1e5;
       options.soft.density *= 1e-7;
       options.interface = {.friction_coefficient = 1.0, .yield_strength = of.interface_strength};
+      options.taylor_quinney_factor = of.taylor_quinney_factor;
       Rig rigid(options, 1), waves(with_inertia(options), 1);
       rigid.set_all(100.0, 11.2e9);
       waves.set_all(100.0, 11.2e9);
@@ -201,7 +205,7 @@ TEST(PhysicsWavesForced, ALayerWithoutMassIsTheOneWithoutInertia) {
         flowed = flowed || waves.plastic_slip(0) > 1e-9;
       }
       const double worst = std::max(worst_jump, worst_T0);
-      std::printf("  %-16s %4d steps: [V] %.2e, T0 %.2e apart; slipped %d, flowed %d\n", of.name, steps, worst_jump,
+      std::printf("  %-18s %4d steps: [V] %.2e, T0 %.2e apart; slipped %d, flowed %d\n", of.name, steps, worst_jump,
                   worst_T0, slipped, flowed);
       EXPECT_EQ(flowed, of.interface_strength > 200e6);
       if (refined > 1) {
@@ -211,6 +215,49 @@ TEST(PhysicsWavesForced, ALayerWithoutMassIsTheOneWithoutInertia) {
     }
     EXPECT_LT(before, 5e-3) << of.name;
   }
+}
+
+// Work that heats in place, of a layer that flows and waves that cross it: order in time.
+TEST(PhysicsWavesForced, WorkThatHeatsInPlaceIsOfFirstOrderInTime) {
+  ModelOptions options = with_inertia(two_sided(graded(paper_options(Strategy::kForceDriven))));
+  options.plastic_layer = true;
+  options.taylor_quinney_factor = 0.9;
+  options.interface = {.friction_coefficient = 1.0, .yield_strength = 2e9};
+  struct Answer {
+    double jump, temperature;
+  };
+  const auto after = [&](int steps) {
+    Rig rig(options, 1);
+    rig.set_all(0.0, 11.2e9);
+    double heat = 0.0;
+    const double dt = 200e-9 / steps;
+    for (int n = 0; n < steps; ++n) {
+      const double push = 3e8 * std::pow(std::sin(M_PI * std::min((n + 0.5) * dt / 200e-9, 0.5)), 2);
+      go_on(rig, push, n == 0);
+      rig.inputs.stress_hard[0] = push;
+      rig.step(dt);
+      heat += rig.outputs.friction_heat[0];
+    }
+    EXPECT_NEAR(rig.stored_heat(300.0) / heat, 1.0, 1e-10);
+    return Answer{rig.outputs.velocity_jump_new[0], rig.outputs.interface_temperature[0]};
+  };
+  std::printf("pushed for 200 ns, work heats in place: steps, [V], T0, orders\n");
+  Answer before{}, step{};
+  for (const int steps : {200, 400, 800, 1600}) {
+    const Answer found = after(steps);
+    const Answer moved{found.jump - before.jump, found.temperature - before.temperature};
+    const double orders[] = {std::log2(std::abs(step.jump / moved.jump)),
+                             std::log2(std::abs(step.temperature / moved.temperature))};
+    std::printf("  %5d  %11.6f m/s  %10.5f K  %6.3f  %6.3f\n", steps, found.jump, found.temperature, orders[0],
+                orders[1]);
+    if (steps == 1600) {
+      EXPECT_NEAR(orders[0], 1.0, 0.3);
+      EXPECT_NEAR(orders[1], 1.0, 0.3);
+    }
+    step = moved;
+    before = found;
+  }
+  EXPECT_GT(before.temperature, 350.0);
 }
 
 }  // namespace

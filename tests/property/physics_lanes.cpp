@@ -135,7 +135,7 @@ TEST_P(PhysicsLanes, MirroredInputsGiveMirroredBits) {
 
 INSTANTIATE_TEST_SUITE_P(, PhysicsLanes,
                          ::testing::Values(Solver::kVelocityDriven, Solver::kForceDriven, Solver::kInertia,
-                                           Solver::kInertiaHeat, Solver::kMeltFilm),
+                                           Solver::kInertiaHeat, Solver::kMeltFilm, Solver::kForcedInertiaHeat),
                          [](const auto& test) { return name_of(test.param); });
 
 // For any factor L, the scaling (v, t, z, h, dt, m) -> (L v, t/L^2, z/L, h/L, dt/L^2, m/L^3) of velocity, time, depth,

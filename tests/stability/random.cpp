@@ -53,6 +53,14 @@ constexpr BrokenOnce kBrokenOnce[] = {
     {"inertia, plastic heating", !kExtreme, 316},           // waves that tell a slip to few of its digits
     {"inertia, plastic heating", kExtreme, 129},            // likewise
     {"inertia, plastic heating", kExtreme, 2102},           // likewise
+    {"force-driven, inertia, plastic heating", !kExtreme,
+     108},  // a heat that is closed to the digits of fast masses alone
+    {"force-driven, inertia, plastic heating", kExtreme, 52},   // a heat that is next to nothing of the work without it
+    {"force-driven, inertia, plastic heating", kExtreme, 69},   // work that the last digit of a temperature changes
+    {"force-driven, inertia, plastic heating", kExtreme, 145},  // likewise
+    {"force-driven, inertia, plastic heating", kExtreme, 476},  // likewise
+    {"force-driven, inertia, plastic heating", kExtreme, 455},  // a vertex that flows by the rounding of a slip at rest
+    {"force-driven, inertia, plastic heating", kExtreme, 6},    // a contact without an answer that was open before
 };
 
 TEST(Random, LawsHoldWhereTheyOnceBroke) {

@@ -317,6 +317,14 @@ inline ModelOptions random_inertia_heat_options(Draw& draw, bool extreme) {
   return options;
 }
 
+// The force-driven ones with inertia whose plastic work heats in place, under any contact law.
+inline ModelOptions random_forced_inertia_heat_options(Draw& draw, bool extreme) {
+  ModelOptions options = random_forced_inertia_options(draw, extreme);
+  if (!options.hard_grid) options = two_sided(options);
+  options.taylor_quinney_factor = draw.chance(0.5) ? 1.0 : draw.uniform(0.1, 1.0);
+  return options;
+}
+
 // Lets plastic work heat a force-driven layer, with a fair chance where options allow it.
 inline void draw_work_heat(Draw& draw, ModelOptions& options) {
   if (options.strategy == Strategy::kForceDriven && options.plastic_layer && options.hard_grid && draw.chance(0.6))
@@ -352,13 +360,22 @@ inline ModelOptions random_melting_options(Draw& draw, bool extreme) {
 }
 
 // The solver for which random_options() draws the options of a model.
-enum class Solver { kVelocityDriven, kForceDriven, kInertia, kInertiaHeat, kMeltFilm, kForcedInertia };
+enum class Solver {
+  kVelocityDriven,
+  kForceDriven,
+  kInertia,
+  kInertiaHeat,
+  kMeltFilm,
+  kForcedInertia,
+  kForcedInertiaHeat
+};
 
 inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
   if (solver == Solver::kInertia)
     return draw.chance(0.5) ? random_inertia_contact_options(draw, extreme) : random_inertia_options(draw, extreme);
   if (solver == Solver::kForcedInertia) return random_forced_inertia_options(draw, extreme);
   if (solver == Solver::kInertiaHeat) return random_inertia_heat_options(draw, extreme);
+  if (solver == Solver::kForcedInertiaHeat) return random_forced_inertia_heat_options(draw, extreme);
   if (solver == Solver::kMeltFilm) {
     ModelOptions options = random_melting_options(draw, extreme);
     options.tangential_components = 1;
@@ -371,6 +388,7 @@ inline ModelOptions random_options(Draw& draw, Solver solver, bool extreme) {
 inline std::string name_of(Solver solver) {
   if (solver == Solver::kMeltFilm) return "MeltFilm";
   if (solver == Solver::kForcedInertia) return "ForcedInertia";
+  if (solver == Solver::kForcedInertiaHeat) return "ForcedInertiaHeat";
   if (solver == Solver::kInertiaHeat) return "InertiaHeat";
   return solver == Solver::kInertia ? "Inertia" : solver == Solver::kForceDriven ? "ForceDriven" : "VelocityDriven";
 }

@@ -106,6 +106,13 @@ TEST(PhysicsBits, AreTheSameInRegistersOfAnyWidth) {
   });
 }
 
+// The same for work that heats in place in layers with inertia under force.
+TEST(PhysicsBits, AreTheSameInRegistersOfAnyWidthWhereWorkHeatsUnderForce) {
+  if (!machine_has_registers_of_four()) GTEST_SKIP() << "this machine has registers of two doubles only";
+  Draw draw(99);
+  compare_widths(draw, 10, [&](int, bool extreme) { return random_forced_inertia_heat_options(draw, extreme); });
+}
+
 // The same for each limit that the kernels of the force-driven step have: junctions, friction that falls with slip or
 // temperature, both orders in time.
 TEST(PhysicsBits, AreTheSameInRegistersOfAnyWidthUnderEveryFriction) {

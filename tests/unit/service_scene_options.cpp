@@ -142,8 +142,9 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
   const v1::Scene velocity = support::velocity_scene(), force = support::force_scene();
   const std::string plastic = "interface { taylor_quinney_factor: 0.9 plastic_layer: true } ";
   EXPECT_FALSE(scene_model(velocity).options.taylor_quinney_factor);
-  for (const v1::Scene& scene : {with(velocity, "velocity_driven { taylor_quinney_factor: 0.9 } hard_layer {}"),
-                                 with(force, plastic + "hard_layer {}")})
+  for (const v1::Scene& scene :
+       {with(velocity, "velocity_driven { taylor_quinney_factor: 0.9 } hard_layer {}"),
+        with(force, plastic + "hard_layer {}"), with(force, plastic + "hard_layer {} layer { inertia: true }")})
     EXPECT_EQ(scene_model(scene).options.taylor_quinney_factor, 0.9);
   const char* key = "velocity_driven.taylor_quinney_factor";
   expect_refusals(velocity,

@@ -362,11 +362,13 @@ Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInp
     Eigen::VectorXd at_rest = amount * power;
     for (int i = 0; i < n; ++i)
       if (!(room[i] > 1e-12 * T_melt)) at_rest[i] = 0.0;
-    Eigen::VectorXd per_rise, rise;
+    Eigen::VectorXd per_room, rise, left;  // what each vertex takes per kelvin that is left to melting  [W/(m2 K)]
     for (bool molten = true; molten;) {  // a vertex that its neighbours melt takes no heat
-      per_rise = (at_rest.array() > 0.0).select(at_rest.cwiseQuotient(room), 0.0);
-      const Eigen::MatrixXd matrix = Eigen::MatrixXd::Identity(n, n) + G * per_rise.asDiagonal();
-      rise = matrix.partialPivLu().solve(G * at_rest);
+      per_room = (at_rest.array() > 0.0).select(at_rest.cwiseQuotient(room), 0.0);
+      const Eigen::MatrixXd matrix = Eigen::MatrixXd::Identity(n, n) + G * per_room.asDiagonal();
+      const Eigen::PartialPivLU<Eigen::MatrixXd> lu(matrix);
+      rise = lu.solve(G * at_rest);
+      left = lu.solve(room);
       molten = false;
       for (int i = 0; i < n; ++i) {
         if (!(at_rest[i] > 0.0 && rise[i] > room[i] * (1.0 + 1e-12))) continue;
@@ -374,7 +376,7 @@ Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInp
         molten = true;
       }
     }
-    warms = at_rest - per_rise.cwiseProduct(rise);
+    warms = per_room.cwiseProduct(left);
     Heat warm = heat;
     for (int i = 0; i < n; ++i) warm.T_ad.rows[heat.T_ad.interface + i] += rise[i];
     after = state;

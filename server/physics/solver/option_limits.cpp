@@ -51,21 +51,12 @@ std::optional<Refusal> short_table(const ModelOptions& o) {
   return {};
 }
 
-constexpr std::array<Limit, 11> kLimits = {
+constexpr std::array<Limit, 10> kLimits = {
     short_table,
     [](const ModelOptions& o) {
       return rigid_layer(o, o.inertia, "layer.inertia",
                          "layer.inertia = true lets waves cross the layer, and a layer that is rigid moves with the "
                          "soft body, whose mass has its own already");
-    },
-    [](const ModelOptions& o) -> std::optional<Refusal> {
-      if (!o.inertia || o.strategy != Strategy::kForceDriven || !o.taylor_quinney_factor) return {};
-      return Refusal{
-          "interface.taylor_quinney_factor",
-          "interface.taylor_quinney_factor does not go with layer.inertia under force: bodies that give way may "
-          "shear a layer by any amount, and the heat in place of a vertex next to melting is then lost in the "
-          "last digits of its temperature",
-          "Leave out one of the two."};
     },
     [](const ModelOptions& o) {
       return rigid_layer(o, o.taylor_quinney_factor.has_value(), "interface.taylor_quinney_factor",

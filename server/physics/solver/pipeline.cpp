@@ -72,6 +72,7 @@ void advance_open_to_second_order(const Problem& problem, const StepOperators& o
   TileInputs open = inputs;
   open.active = 0;
   for (const int l : lanes_of(inputs.active)) {
+    if ((outputs.outcome[l] & kFailed) != 0) continue;  // it has kept its state
     if (outputs.regime[l] != Regime::kOpen && outputs.regime[l] != Regime::kStick) outputs.outcome[l] |= kFirstOrder;
     const bool melts =
         problem.options.melt_film && (outputs.film_thickness[l] > 0.0 || film_thickness(problem, committed, l) > 0.0);

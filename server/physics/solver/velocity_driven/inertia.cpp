@@ -203,8 +203,9 @@ void advance_with_inertia(const Problem& problem, const StepOperators& operators
   Found found[kLanes];
   const WaveContacts* contact = contacts ? &*contacts : nullptr;
   const InertiaStage stage{problem, operators.heat(), inputs, contact, trial, found};
-  const std::uint32_t lost =
-      problem.options.taylor_quinney_factor ? solve_heated_stage(operators, stage, closed) : solve_stage(stage, closed);
+  const std::uint32_t lost = problem.options.taylor_quinney_factor
+                                 ? solve_heated_stage(operators, stage, committed, closed)
+                                 : solve_stage(stage, closed);
   answer_lanes(problem, operators.dt(), inputs, closed & ~lost, found, trial, outputs);
   close_lanes(problem, inputs.active & ~lost, contact, found, trial, outputs);
   for (const int l : lanes_of(lost)) keep_lane(problem, inputs, committed, trial, l, outputs);
