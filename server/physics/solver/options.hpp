@@ -68,7 +68,7 @@ struct ModelOptions {
 
   int tangential_components = 1;  // components of slip and stress: 1 or 2; 2 not with INTERFACE_SLIP or inertia
 
-  // The layer has mass, so its stress varies with z, DLP (36). Only in a layer that flows, velocity-driven with
+  // The layer has mass, so its stress varies with z, DLP (36). Only in a layer that flows, force-driven or with
   // LAYER_SHEAR, and with at most kMaxInertiaCells cells.
   bool inertia = false;
 
