@@ -88,10 +88,7 @@ constexpr std::array kParts = {
     Part{.property = kInterfaceSlip,
          .key = "velocity_driven.drive",
          .value = "\"interface_slip\"",
-         .is_on =
-             [](const ModelOptions& o) {
-               return o.strategy == Strategy::kVelocityDriven && o.drive == Drive::kInterfaceSlip;
-             },
+         .is_on = jump_is_slip,
          .set = [](ModelOptions& o, bool on) { o.drive = on ? Drive::kInterfaceSlip : Drive::kLayerShear; },
          .goes_with = {kVelocityDriven},
          .needs = {kVelocityDriven},

@@ -6,16 +6,9 @@
 #include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/around/varying_heat.hpp"
 #include "server/physics/solver/divided_tile.hpp"
-#include "server/physics/solver/force_driven/flowing_step.hpp"
-#include "server/physics/solver/force_driven/stages.hpp"
-#include "server/physics/solver/force_driven/step.hpp"
-#include "server/physics/solver/melting/film_step.hpp"
+#include "server/physics/solver/melting/phase_change.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
-#include "server/physics/solver/velocity_driven/at_rest.hpp"
-#include "server/physics/solver/velocity_driven/balance.hpp"
-#include "server/physics/solver/velocity_driven/inertia.hpp"
-#include "server/physics/solver/velocity_driven/stages.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -31,10 +24,9 @@ AdvanceTile solver_of(const ModelOptions& options) {
   return second_order ? advance_force_driven_sdirk2 : advance_force_driven;
 }
 
-RestRules rest_of(const ModelOptions& options) {
-  if (options.melt_film) return {melting_step_at_rest, nullptr};
-  if (options.strategy == Strategy::kVelocityDriven) return {velocity_driven_step_at_rest, velocity_driven_may_rest};
-  return {force_driven_step_at_rest, nullptr};
+StepAtRest* step_at_rest_of(const ModelOptions& options) {
+  if (options.melt_film) return melting_step_at_rest;
+  return options.strategy == Strategy::kVelocityDriven ? velocity_driven_step_at_rest : force_driven_step_at_rest;
 }
 
 // Writes 0 for each lane whose outputs are finite, else NaN. A plain loop, which vectorises.
@@ -107,7 +99,8 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
   if (problem.heat_varies) {
     advance_varying(problem, operators.dt(), solve, inputs, committed, trial, outputs);
   } else if (problem.basis) {
-    advance_with_sleep(problem, operators, {solve, rest_of(problem.options)}, inputs, committed, trial, outputs);
+    advance_with_sleep(problem, operators, {solve, step_at_rest_of(problem.options)}, inputs, committed, trial,
+                       outputs);
   } else {
     solve(problem, operators, inputs, committed, trial, outputs);
   }

@@ -6,14 +6,9 @@
 #pragma once
 
 #include "server/physics/solver/around/ledger.hpp"
-#include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/solvers.hpp"
 
 namespace shearbus::physics {
-
-// Type of each link of the chain: a step of the active lanes from `committed` to `trial`, with their `outputs`.
-using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
-                             double* trial, TileOutputs& outputs);
 
 // Takes one step of a tile through the chain: frame, tolerance, sleep, solver. Writes the whole of
 // `trial`; inactive lanes and lanes for which no answer was found (outcome kFailed) keep their state. The step of a

@@ -56,11 +56,11 @@ bool surely_at_rest(const Problem& problem, const Material& soft, double pressur
 }
 
 // The step of a sleeping lane; empty where heat or flow wakes the lane.
-std::optional<RestingStep> step_at_rest(const Problem& problem, const StepOperators& operators, const RestRules& rest,
+std::optional<RestingStep> step_at_rest(const Problem& problem, const StepOperators& operators, StepAtRest* at_rest,
                                         const TileInputs& inputs, const double* committed, const Material& soft,
                                         double T0, int lane) {
   const TileLayout& layout = problem.layout;
-  const std::optional<RestingStep> found = rest.step(problem, operators, inputs, committed, soft, T0, lane);
+  const std::optional<RestingStep> found = at_rest(problem, operators, inputs, committed, soft, T0, lane);
   if (found && layout.hottest_at_rest != TileLayout::kAbsent) {
     const bool can_flow = layout.least_strain_at_rest != TileLayout::kAbsent;
     const WeakestVertex weakest{committed[layout.hottest_at_rest + lane],
@@ -71,13 +71,13 @@ std::optional<RestingStep> step_at_rest(const Problem& problem, const StepOperat
   return found;
 }
 
-// Whether a solved step brought neither heat nor flow, so that step_at_rest would have given the same answer.
-bool rested(const Problem& problem, const RestRules& rest, const TileInputs& inputs, const TileOutputs& outputs,
-            int lane) {
+// Whether a solved step brought neither heat nor flow, so that step_at_rest would have given the same answer. Where the
+// jump is slip a step under a jump may start from the yield stress instead of the old one.
+bool rested(const Problem& problem, const TileInputs& inputs, const TileOutputs& outputs, int lane) {
   if (outputs.friction_heat[lane] != 0.0 || (outputs.outcome[lane] & ~kOutsideDomain) != 0) return false;
   const Regime regime = outputs.regime[lane];
   return regime == Regime::kOpen ||
-         (regime == Regime::kStick && (rest.may_rest == nullptr || rest.may_rest(problem, inputs, lane)));
+         (regime == Regime::kStick && !(jump_is_slip(problem.options) && inputs.velocity_jump[lane] != 0.0));
 }
 
 // A copy of the committed tile in which the waking lanes hold temperatures again instead of amplitudes.
@@ -109,11 +109,11 @@ void write_sleeping_lane(const Problem& problem, const TileInputs& inputs, const
 
 // Counts the steps at rest of a lane that was solved and puts the lane to sleep after enough of them. A lane that might
 // flow stays awake, and its count starts again.
-void count_rest(const Problem& problem, const RestRules& rest, const TileInputs& inputs, const double* committed,
-                const Material& soft, int lane, double* trial, const TileOutputs& outputs) {
+void count_rest(const Problem& problem, const TileInputs& inputs, const double* committed, const Material& soft,
+                int lane, double* trial, const TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const double before = asleep(layout, committed, lane) ? 0.0 : committed[layout.resting + lane];
-  const double steps = rested(problem, rest, inputs, outputs, lane) ? before + 1.0 : 0.0;
+  const double steps = rested(problem, inputs, outputs, lane) ? before + 1.0 : 0.0;
   WeakestVertex weakest{};
   bool sleeps = steps >= problem.steps_before_sleep;
   if (sleeps && layout.hottest_at_rest != TileLayout::kAbsent) {
@@ -245,7 +245,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   std::uint32_t resting = 0;
   const LaneMaterials soft_at(problem.options.soft, inputs);
   for (const int l : lanes_of(sleeping)) {
-    const auto step = step_at_rest(problem, operators, solver.rest, inputs, committed, soft_at(l), T0[l], l);
+    const auto step = step_at_rest(problem, operators, solver.at_rest, inputs, committed, soft_at(l), T0[l], l);
     if (!step) continue;
     at_rest[l] = *step;
     resting |= 1u << l;
@@ -259,8 +259,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
     const std::uint32_t waking = sleeping & solved;
     const double* from = waking != 0 ? waking_tile(problem, waking, committed) : committed;
     solver.solve(problem, operators, others, from, trial, outputs);
-    for (const int l : lanes_of(solved))
-      count_rest(problem, solver.rest, inputs, committed, soft_at(l), l, trial, outputs);
+    for (const int l : lanes_of(solved)) count_rest(problem, inputs, committed, soft_at(l), l, trial, outputs);
   }
   if (resting == 0) return;
 

@@ -5,9 +5,6 @@
 // temperatures and is solved. Sleep and waking of a lane depend on its own state and inputs alone.
 #pragma once
 
-#include <optional>
-
-#include "server/physics/solver/lane_step.hpp"
 #include "server/physics/solver/pipeline.hpp"
 
 namespace shearbus::physics {
@@ -31,19 +28,9 @@ StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committe
 // Writes the temperatures of a lane, asleep or not, to `temperature`, [vertex][lane].
 void profile_of(const Problem& problem, const double* tile, int lane, double* temperature);
 
-// The rules by which a strategy steps a lane at rest.
-struct RestRules {
-  // Returns the step of a sleeping lane (node), with the same bits that the solver would find from the same T0, or
-  // nothing if heat or slip wakes the lane. `soft`: the soft material at the pressure of the lane. T0: interface
-  // temperature after the step, without friction  [K].
-  std::optional<RestingStep> (*step)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
-                                     const Material& soft, double T0, int lane);
-  // Whether a step of a stuck lane may count as rest under the given inputs. Null: every such step may.
-  bool (*may_rest)(const Problem&, const TileInputs&, int lane) = nullptr;
-};
 struct SleepingSolver {
-  AdvanceTile solve;  // steps the lanes that are awake
-  RestRules rest;     // the strategy's rules for lanes at rest
+  AdvanceTile solve;    // steps the lanes that are awake
+  StepAtRest* at_rest;  // steps the lanes that sleep
 };
 
 // One step of the active lanes, asleep or awake; the caller fills the other lanes of `trial`.

@@ -1,5 +1,3 @@
-#include "server/physics/solver/force_driven/flowing_step.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -13,10 +11,9 @@
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/force_driven/substeps.hpp"
 #include "server/physics/solver/pipeline.hpp"
-#include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
-#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/solvers.hpp"
 #include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {

@@ -1,5 +1,3 @@
-#include "server/physics/solver/force_driven/step.hpp"
-
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -7,8 +5,7 @@
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/force_driven/substeps.hpp"
 #include "server/physics/solver/force_driven/wide_slip.hpp"
-#include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/solvers.hpp"
 #include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
@@ -53,7 +50,7 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   const double* T0 = trial + layout.temperature;
 
   // 1. Conduction without friction, all lanes: DLP (28-35).
-  conduct(heat_of(0), n, T_old, T, distance_to_next_tile(layout));
+  conduct(heat_of(0), n, T_old, T, layout.distance_to_next_tile());
 
   // 2. Find stress and slip, DLP (61), (65): of all lanes at once where the model allows it, of the others lane by
   // lane.

@@ -1,5 +1,3 @@
-#include "server/physics/solver/melting/film_step.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -7,6 +5,7 @@
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/melting/film_slip.hpp"
 #include "server/physics/solver/melting/phase_change.hpp"
+#include "server/physics/solver/solvers.hpp"
 #include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
@@ -80,22 +79,6 @@ Regime regime_of(const FilmSlip& slip, const Carried& answer, double T0, double 
 }
 
 }  // namespace
-
-void add_latent_heat(const Problem& problem, const double* committed, const double* trial,
-                     std::array<double, kLanes>& stored) {
-  const double per_volume = problem.options.soft.density * problem.options.melt_film->latent_heat;
-  for (int lane = 0; lane < kLanes; ++lane)
-    stored[static_cast<std::size_t>(lane)] +=
-        per_volume * (film_thickness(problem, trial, lane) - film_thickness(problem, committed, lane));
-}
-
-double film_thickness(const Problem& problem, const double* tile, int lane) {
-  const double* liquid = tile + problem.layout.liquid_fraction + lane;
-  const double* weight = problem.heat_grid.weight.data() + problem.heat_grid.interface;
-  double thickness = 0.0;
-  for (std::size_t i = 0; i < problem.layout.num_vertices; ++i) thickness += weight[i] * liquid[i * kLanes];
-  return thickness;
-}
 
 std::optional<RestingStep> melting_step_at_rest(const Problem& problem, const StepOperators& operators,
                                                 const TileInputs& inputs, const double* committed, const Material& soft,

@@ -14,6 +14,22 @@ constexpr int kNewtonSteps = 20;  // most Newton steps on the phases before the 
 
 }  // namespace
 
+void add_latent_heat(const Problem& problem, const double* committed, const double* trial,
+                     std::array<double, kLanes>& stored) {
+  const double per_volume = problem.options.soft.density * problem.options.melt_film->latent_heat;
+  for (int lane = 0; lane < kLanes; ++lane)
+    stored[static_cast<std::size_t>(lane)] +=
+        per_volume * (film_thickness(problem, trial, lane) - film_thickness(problem, committed, lane));
+}
+
+double film_thickness(const Problem& problem, const double* tile, int lane) {
+  const double* liquid = tile + problem.layout.liquid_fraction + lane;
+  const double* weight = problem.heat_grid.weight.data() + problem.heat_grid.interface;
+  double thickness = 0.0;
+  for (std::size_t i = 0; i < problem.layout.num_vertices; ++i) thickness += weight[i] * liquid[i * kLanes];
+  return thickness;
+}
+
 void PhaseChange::begin(const Problem& problem, const HeatOperator& heat, const Material& soft, const double* committed,
                         int lane) {
   heat_ = &heat;

@@ -9,12 +9,20 @@
 // (solid, melting, liquid) it is linear, so T and f are affine functions of q.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
 #include "server/physics/solver/problem.hpp"
 
 namespace shearbus::physics {
+
+// Thickness of the melt of one lane: the liquid of all its vertices  [m].
+double film_thickness(const Problem& problem, const double* tile, int lane);
+
+// Adds the growth of the latent heat of the soft body over a step, [lane]  [J/m2].
+void add_latent_heat(const Problem& problem, const double* committed, const double* trial,
+                     std::array<double, kLanes>& stored);
 
 class PhaseChange {
  public:

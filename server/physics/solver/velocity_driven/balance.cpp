@@ -239,11 +239,6 @@ Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane,
 
 }  // namespace
 
-void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                             const double* committed, double* trial, TileOutputs& outputs) {
-  solve_balance(problem, operators, {&operators.heat(), operators.dt()}, inputs, committed, trial, outputs);
-}
-
 void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
                    const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;

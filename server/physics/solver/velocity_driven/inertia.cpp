@@ -1,5 +1,3 @@
-#include "server/physics/solver/velocity_driven/inertia.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -12,7 +10,7 @@
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
-#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/solvers.hpp"
 #include "server/physics/solver/velocity_driven/forced_stage.hpp"
 #include "server/physics/solver/velocity_driven/wave_contacts.hpp"
 #include "server/physics/solver/velocity_driven/waves_heat.hpp"
