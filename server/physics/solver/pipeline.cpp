@@ -2,10 +2,14 @@
 
 #include <algorithm>
 #include <limits>
+#include <memory>
+#include <optional>
+#include <vector>
 
+#include "server/physics/solver/around/interface_frame.hpp"
 #include "server/physics/solver/around/sleep.hpp"
+#include "server/physics/solver/around/tolerance.hpp"
 #include "server/physics/solver/around/varying_heat.hpp"
-#include "server/physics/solver/divided_tile.hpp"
 #include "server/physics/solver/melting/phase_change.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
@@ -130,27 +134,60 @@ void answer_mean_stress(const Problem& problem, const TileInputs& inputs, TileOu
     std::copy_n(outputs.second_shear_stress, kLanes, outputs.second_mean_shear_stress);
 }
 
+// One step of a tile under a tolerance, which may be interrupted between two substeps: the first two links of the chain,
+// frame and tolerance. All arguments must live until the step is done.
+struct DividedTile {
+  // `accepted_states`: memory of one tile.
+  DividedTile(const Problem& problem_of_model, const StepOperators& operators, const TileInputs& tile,
+              const double* committed, double* trial_states, TileOutputs& out, double* accepted_states)
+      : problem(problem_of_model),
+        inputs(tile),
+        trial(trial_states),
+        outputs(out),
+        frame(problem, operators, inputs, committed),
+        step(problem, operators, advance_once, first_order_of(problem), frame.inputs(), committed, trial, outputs,
+             accepted_states) {}
+
+  bool run(double work) {
+    if (!step.run(work)) return false;
+    frame.leave(trial, outputs);
+    answer_mean_stress(problem, inputs, outputs);
+    return true;
+  }
+
+  const Problem& problem;
+  const TileInputs& inputs;
+  double* trial;
+  TileOutputs& outputs;
+  InterfaceFrame frame;
+  ControlledStep step;
+};
+
 }  // namespace
 
-DividedTile::DividedTile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                         const double* committed, double* trial, TileOutputs& outputs, double* accepted)
-    : problem_(problem),
-      inputs_(inputs),
-      trial_(trial),
-      outputs_(outputs),
-      frame_(problem, operators, inputs, committed),
-      step_(problem, operators, advance_once, first_order_of(problem), frame_.inputs(), committed, trial, outputs,
-            accepted) {}
+struct DividedStep::Impl {
+  explicit Impl(const Problem& of) : problem(of), accepted(of.layout.doubles) {}
+  const Problem& problem;
+  std::vector<double> accepted;
+  std::optional<DividedTile> step;
+};
 
-bool DividedTile::run(double work) {
-  if (!step_.run(work)) return false;
-  frame_.leave(trial_, outputs_);
-  answer_mean_stress(problem_, inputs_, outputs_);
-  return true;
+DividedStep::DividedStep(const Model& model) : impl_(std::make_unique<Impl>(*model.problem_)) {}
+DividedStep::DividedStep(DividedStep&&) noexcept = default;
+DividedStep::~DividedStep() = default;
+
+void DividedStep::begin(const StepOperators& operators, const TileInputs& inputs, const double* committed,
+                        double* trial, TileOutputs& outputs) {
+  impl_->step.emplace(impl_->problem, operators, inputs, committed, trial, outputs, impl_->accepted.data());
 }
 
-void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                  const double* committed, double* trial, TileOutputs& outputs) {
+bool DividedStep::run(double work) {
+  return impl_->step->run(work);
+}
+
+void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
+                    TileOutputs& outputs) const {
+  const Problem& problem = *problem_;
   if (problem.options.tolerance) {
     DividedTile(problem, operators, inputs, committed, trial, outputs,
                 scratch_tile(Scratch::kAccepted, problem.layout.doubles))
@@ -196,6 +233,9 @@ void keep_lane(const Problem& problem, const TileInputs& inputs, const double* c
   outputs.outcome[lane] = kFailed;
 }
 
+double Model::interface_temperature(const double* tile, int lane) const {
+  return physics::interface_temperature(*problem_, tile, lane);
+}
 double interface_temperature(const Problem& problem, const double* tile, int lane) {
   return problem.basis ? interface_temperature_with_sleep(problem, tile, lane)
                        : tile[problem.layout.temperature + lane];

@@ -10,12 +10,6 @@
 
 namespace shearbus::physics {
 
-// Takes one step of a tile through the chain: frame, tolerance, sleep, solver. Writes the whole of
-// `trial`; inactive lanes and lanes for which no answer was found (outcome kFailed) keep their state. The step of a
-// model with a tolerance may also be computed in pieces (divided_tile.hpp).
-void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                  const double* committed, double* trial, TileOutputs& outputs);
-
 // Takes the step of some lanes in memory of its own, since `solve` writes whole rows of a tile.
 void advance_aside(AdvanceTile solve, const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                    std::uint32_t lanes, const double* committed, double* trial, TileOutputs& outputs);
