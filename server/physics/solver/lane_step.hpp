@@ -19,17 +19,11 @@ struct LaneStep {
   bool several;  // other answers satisfied the equations of the step too
 };
 
-// The answer of a step without heat and flow, and its outcome bits (kOutsideDomain, ..., tile.hpp).
-struct RestingStep {
-  LaneStep step;
-  std::uint8_t outcome = 0;
-};
-
 struct LaneResult {
   LaneStep step{};
-  double heat = 0.0;  // friction heat of the step                                                   [J/m2]
-  double flux = 0.0;  // heat flux still to be added to the temperatures; 0 if substeps have added it  [W/m2]
-  std::uint8_t outcome = 0;
+  double heat = 0.0;         // friction heat of the step                                                   [J/m2]
+  double flux = 0.0;         // heat flux still to be added to the temperatures; 0 if substeps have added it  [W/m2]
+  std::uint8_t outcome = 0;  // bits (kOutsideDomain, ..., tile.hpp)
 };
 
 // Writes the answer of a lane, except the states and outputs that follow from the temperatures.

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/around/discretisation.hpp"
 #include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/around/tolerance.hpp"
 #include "server/physics/solver/parts.hpp"

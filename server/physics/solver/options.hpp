@@ -1,8 +1,10 @@
 // Options of a model, which a scene chooses.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "server/physics/interface/friction.hpp"
 #include "server/physics/interface/junctions.hpp"
@@ -116,5 +118,8 @@ inline bool has_friction(const ModelOptions& options) {
 // Returns the options with the given tolerance and with the grid, heat method and time integrator chosen for that
 // tolerance (METHODS.md).
 ModelOptions discretised(ModelOptions options, double tolerance);
+// Describes the grid and the methods of a model with a tolerance for the user, in one sentence. `modes`: number of heat
+// modes, 0 with a temperature profile.
+std::string discretisation_of(const ModelOptions& options, std::size_t modes);
 
 }  // namespace shearbus::physics

@@ -19,8 +19,8 @@ using AdvanceTile = StepOfTile*;
 // T0, or nothing if the lane must wake: because it slips, is heated, or may have several answers. The caller checks that
 // no vertex yields under the stress. `soft`: the soft material at the pressure of the lane. T0: interface temperature
 // after the step, without friction  [K].
-using StepAtRest = std::optional<RestingStep>(const Problem&, const StepOperators&, const TileInputs&,
-                                              const double* committed, const Material& soft, double T0, int lane);
+using StepAtRest = std::optional<LaneResult>(const Problem&, const StepOperators&, const TileInputs&,
+                                             const double* committed, const Material& soft, double T0, int lane);
 
 // The velocity-driven step (MODEL.md, "Velocity-driven step"): DLP (37), (42-48), (56). The host imposes the velocity
 // jump; the stress follows from the plastic flow of the layer. DLP (56) omits the velocity that shears the layer.

@@ -56,11 +56,11 @@ bool surely_at_rest(const Problem& problem, const Material& soft, double pressur
 }
 
 // The step of a sleeping lane; empty where heat or flow wakes the lane.
-std::optional<RestingStep> step_at_rest(const Problem& problem, const StepOperators& operators, StepAtRest* at_rest,
-                                        const TileInputs& inputs, const double* committed, const Material& soft,
-                                        double T0, int lane) {
+std::optional<LaneResult> step_at_rest(const Problem& problem, const StepOperators& operators, StepAtRest* at_rest,
+                                       const TileInputs& inputs, const double* committed, const Material& soft,
+                                       double T0, int lane) {
   const TileLayout& layout = problem.layout;
-  const std::optional<RestingStep> found = at_rest(problem, operators, inputs, committed, soft, T0, lane);
+  const std::optional<LaneResult> found = at_rest(problem, operators, inputs, committed, soft, T0, lane);
   if (found && layout.hottest_at_rest != TileLayout::kAbsent) {
     const bool can_flow = layout.least_strain_at_rest != TileLayout::kAbsent;
     const WeakestVertex weakest{committed[layout.hottest_at_rest + lane],
@@ -90,11 +90,12 @@ const double* waking_tile(const Problem& problem, std::uint32_t waking, const do
 }
 
 void write_sleeping_lane(const Problem& problem, const TileInputs& inputs, const double* committed,
-                         const RestingStep& resting, double T0, int num_live, int lane, double* trial,
+                         const LaneResult& resting, double T0, int num_live, int lane, double* trial,
                          TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const LaneStep& step = resting.step;
-  write_answer({step, 0.0, 0.0, static_cast<std::uint8_t>(kAsleep | resting.outcome)}, layout, lane, trial, outputs);
+  write_answer(resting, layout, lane, trial, outputs);
+  outputs.outcome[lane] |= kAsleep;
   if (layout.stress_rate != TileLayout::kAbsent) trial[layout.stress_rate + lane] = 0.0;
   if (layout.sticking != TileLayout::kAbsent) trial[layout.sticking + lane] = step.sticks ? 1.0 : 0.0;
   trial[layout.resting + lane] = committed[layout.resting + lane] + 1.0;
@@ -241,7 +242,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   if (sleeping != 0) interface_later(basis, decay, num_live, rows, T0);
 
   // 2. Find the sleeping lanes that stay asleep (`resting`), and their steps.
-  RestingStep at_rest[kLanes];
+  LaneResult at_rest[kLanes];
   std::uint32_t resting = 0;
   const LaneMaterials soft_at(problem.options.soft, inputs);
   for (const int l : lanes_of(sleeping)) {

@@ -7,7 +7,6 @@
 
 #include "server/physics/solver/contact.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
-#include "server/physics/solver/force_driven/sudden_change.hpp"
 #include "server/physics/solver/problem.hpp"
 
 namespace shearbus::physics {

@@ -110,9 +110,9 @@ void advance_force_driven(const Problem& problem, const StepOperators& operators
   }
 }
 
-std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
-                                                     const TileInputs& inputs, const double* committed,
-                                                     const Material& soft, double T0, int lane) {
+std::optional<LaneResult> force_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
+                                                    const TileInputs& inputs, const double* committed,
+                                                    const Material& soft, double T0, int lane) {
   const HeatOperator& heat = operators.heat();
   const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, lane);
   // Next to a layer that may flow, slip that stops in a step under a tolerance heats or flows.
@@ -124,7 +124,7 @@ std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, con
   if (!step.unique || step.flux != 0.0 || !(step.regime == Regime::kOpen || step.sticks)) return std::nullopt;
   const bool sudden = operators.max_halvings() > 0 &&
                       interface_step().changes_suddenly(before, step, heat.dt, *heat.layer_response(), T0);
-  return RestingStep{step, sudden ? kSudden : std::uint8_t{0}};
+  return LaneResult{step, 0.0, 0.0, sudden ? kSudden : std::uint8_t{0}};
 }
 
 }  // namespace shearbus::physics

@@ -8,7 +8,6 @@
 #include <variant>
 
 #include "server/physics/interface/friction_laws.hpp"
-#include "server/physics/solver/force_driven/sudden_change.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 
 #define SHEARBUS_KERNELS "server/physics/solver/force_driven/wide_slip_kernel.hpp"

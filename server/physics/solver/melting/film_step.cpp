@@ -80,13 +80,13 @@ Regime regime_of(const FilmSlip& slip, const Carried& answer, double T0, double 
 
 }  // namespace
 
-std::optional<RestingStep> melting_step_at_rest(const Problem& problem, const StepOperators& operators,
-                                                const TileInputs& inputs, const double* committed, const Material& soft,
-                                                double T0, int lane) {
+std::optional<LaneResult> melting_step_at_rest(const Problem& problem, const StepOperators& operators,
+                                               const TileInputs& inputs, const double* committed, const Material& soft,
+                                               double T0, int lane) {
   const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, lane);
   const Forcing forcing = forcing_of(inputs, lane);
   const double dt = operators.dt();
-  if (inputs.pressure[lane] <= 0.0) return RestingStep{open_step(forcing, dt, before.jump_new), 0};
+  if (inputs.pressure[lane] <= 0.0) return LaneResult{open_step(forcing, dt, before.jump_new)};
   const TrialSlip trial_slip(forcing, dt, before.jump_new, before.stress);
   const FilmSlip slip(
       {problem.interface.friction_coefficient, problem.interface.yield_strength / kSqrt3, soft, inputs.pressure[lane]},
@@ -95,8 +95,10 @@ std::optional<RestingStep> melting_step_at_rest(const Problem& problem, const St
   const bool solid = slip_of_solid(slip, T0, *operators.heat().layer_response(), before.sticks, answer);
   if (!solid || !answer.sticks || answer.flux != 0.0) return std::nullopt;
   const double stress = trial_slip.direction * answer.stress;
-  return RestingStep{
+  return LaneResult{
       {stress, trial_slip.direction * slip.slip(answer.stress), 0.0, 0.0, Regime::kStick, true, true, answer.several},
+      0.0,
+      0.0,
       answer.several ? kMultipleRoots : std::uint8_t{0}};
 }
 

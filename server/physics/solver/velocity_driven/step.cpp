@@ -44,13 +44,13 @@ void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators&
   for (const int l : lanes_of(fallen_back)) outputs.outcome[l] |= kFirstOrder;
 }
 
-std::optional<RestingStep> velocity_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
-                                                        const TileInputs& inputs, const double* committed,
-                                                        const Material& soft, double T0, int lane) {
+std::optional<LaneResult> velocity_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
+                                                       const TileInputs& inputs, const double* committed,
+                                                       const Material& soft, double T0, int lane) {
   const double jump = inputs.velocity_jump[lane];
   const double pressure = inputs.pressure[lane];
   const auto resting = [jump](double stress, double slip, Regime regime, bool sticks) {
-    return RestingStep{{stress, slip, jump, 0.0, regime, sticks, true, false}, outside_domain(slip, jump)};
+    return LaneResult{{stress, slip, jump, 0.0, regime, sticks, true, false}, 0.0, 0.0, outside_domain(slip, jump)};
   };
   if (pressure <= 0.0) return resting(0.0, jump, Regime::kOpen, false);
   const ElasticTrial trial = elastic_trial(problem, soft, inputs, lane, operators.dt(),
