@@ -89,20 +89,18 @@ std::vector<std::string> Model::warnings() const {
     warnings.push_back(text_of("the hard body's yield strength (", hard_yield, " Pa) is below the soft body's (",
                                soft_yield, " Pa): the layer that flows should be the weaker body, name it soft"));
   }
-  if (o.grid.far_boundary == FarBoundary::kInsulated) {
-    const double h = o.grid.thickness;
-    warnings.push_back(text_of("note: the far face is insulated: heat reaches it (h = 3 sqrt(alpha t)) after ",
-                               Digits{3, h * h / (9.0 * o.soft.diffusivity)},
-                               " s, for longer runs take a thicker layer than ", h,
-                               " m or far_boundary = \"half_space\""));
-  }
-  if (o.hard_grid && o.hard_grid->far_boundary == FarBoundary::kInsulated) {
-    const double h = o.hard_grid->thickness;
-    warnings.push_back(
-        text_of("note: the hard body ends at an insulated face: heat reaches it (h = 3 sqrt(alpha t)) after ",
-                Digits{3, h * h / (9.0 * o.hard.diffusivity)}, " s, for longer runs take a thicker hard layer than ", h,
-                " m or hard_layer.far_boundary = \"half_space\""));
-  }
+  const auto warn_of_far_face = [&](const char* where, const GridOptions& grid, double diffusivity, const char* body,
+                                    const char* key) {
+    if (grid.far_boundary != FarBoundary::kInsulated) return;
+    const double h = grid.thickness;
+    warnings.push_back(text_of("note: ", where, ": heat reaches it (h = 3 sqrt(alpha t)) after ",
+                               Digits{3, h * h / (9.0 * diffusivity)}, " s, for longer runs take a thicker ", body,
+                               " than ", h, " m or ", key, " = \"half_space\""));
+  };
+  warn_of_far_face("the far face is insulated", o.grid, o.soft.diffusivity, "layer", "far_boundary");
+  if (o.hard_grid)
+    warn_of_far_face("the hard body ends at an insulated face", *o.hard_grid, o.hard.diffusivity, "hard layer",
+                     "hard_layer.far_boundary");
   if (o.hard_grid && o.hard.melting_temperature < o.soft.melting_temperature) {
     warnings.push_back(text_of("the hard body melts at ", o.hard.melting_temperature, " K, below the soft body's ",
                                o.soft.melting_temperature, " K: it is heated as if it stayed solid"));

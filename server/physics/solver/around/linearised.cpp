@@ -101,7 +101,7 @@ Tangent of_interface(const Problem& problem, const StepOperators& operators, con
   const double slip = std::abs(outputs.sliding_velocity[lane]);
   const double a = std::abs(trial[problem.layout.shear_stress + lane]);
   const ContactState state = contact_before(problem, committed, lane);
-  const double least = least_slip(problem, path);
+  const double least = problem.layout.num_friction_states > 0 ? path.least_slip() : 0.0;
   const auto limit_at = [&](double P, double asked, double v) {
     const Material soft = at_pressure(problem.options.soft, P);
     StressLimit contact = contact_limit(problem, soft, P, dt, state, nullptr);

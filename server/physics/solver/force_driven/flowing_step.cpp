@@ -117,25 +117,23 @@ struct Searches {
 struct FlowingLane {
   const Problem& problem;
   const LaneMaterials& soft_at;
-  const Material& soft;
   const TileInputs& inputs;
   const WorkHeat* work_heat;  // null: plastic work heats nothing
   const double* T;            // temperatures of the layer after conduction, [vertex][lane]
   double* strain;             // plastic strain of the layer, [vertex][lane]: before a substep, then after it
   double* shape;              // heat shape phi; null without `work_heat`
   int lane;
-  ContactState contact;
+  InterfaceStep interface;
   double heat_of_work;  // heat that plastic work has released in the substeps  [J/m2]
   bool peaks_inside;    // the layer may be hottest behind z = 0
-
-  double pressure() const { return inputs.pressure[lane]; }
 
   // The start of a step with the operator `heat`. `strain_old`: plastic strain before the step. `stress_rate`: change of
   // the stress in the step before, along itself, over its length  [Pa/s].
   FlowingStart start(const HeatOperator& heat, const double* strain_old, const FirstVertices& first,
                      const LaneStep& before, double stress_rate, const double* B_work) const {
+    const Material& soft = soft_at(lane);
     return {
-        .limit = limit_at_start(heat.dt, before),
+        .limit = interface.limit_after(before, heat.dt),
         .ceiling = strength_ceiling(soft) / kSqrt3,
         .hardens = hardens(soft),
         .first_weight = problem.grid.weight[0],
@@ -153,12 +151,6 @@ struct FlowingLane {
         .turns_within = problem.options.tolerance.has_value(),
     };
   }
-  StressLimit limit_at_start(double dt, const LaneStep& before) const {
-    StressLimit limit = contact_limit(problem, soft, pressure(), dt, contact, inputs.effort);
-    if (problem.layout.num_friction_states > 0)
-      limit.least_slip = TrialSlip(forcing_of(inputs, lane), dt, before.jump_new, before.stress).least_slip();
-    return limit;
-  }
 
   // What follows from the answer of a step of length dt: the surplus of plastic slip, the shape of its heat, the
   // contact. `strain_old`: plastic strain before the step.
@@ -170,21 +162,12 @@ struct FlowingLane {
       heat_of_work += answer.work * heated_share(problem.grid, shape + lane) * dt;
       reshape_heat(problem, strain_old + lane, strain + lane, 0.0, shape + lane);
     }
-    slip_contact(answer.step, answer.rubs, dt, layer.T(0, answer.step.flux, answer.work));
-  }
-  void slip_contact(LaneStep& step, double slip, double dt, double T0) {
-    if (!problem.options.junctions && problem.layout.num_friction_states == 0) return;
-    if (!advance_contact(contact_limit(problem, soft, pressure(), dt, contact, nullptr), slip, T0, contact))
-      step.stress = std::numeric_limits<double>::quiet_NaN();
+    interface.slip_contact(answer.step, answer.rubs, dt, layer.T(0, answer.step.flux, answer.work));
   }
 
   // Solves one substep, after its conduction. T_all: rows of both bodies, to which the heat of plastic work is added.
   LaneStep substep(const HeatOperator& heat, const LaneStep& before, double* T_all) {
-    if (pressure() <= 0.0) {
-      LaneStep open = open_step(forcing_of(inputs, lane), heat.dt, before.jump_new);
-      slip_contact(open, open.slip, heat.dt, T[lane]);
-      return open;
-    }
+    if (inputs.pressure[lane] <= 0.0) return interface.from(before, heat.dt, 0.0, T[lane]);
     double* B_work = work_heat != nullptr ? work_heat->shorter() : nullptr;
     if (work_heat != nullptr) work_heat->begin_substep(heat, lane, shape);
     const std::size_t strains = problem.layout.num_strain_vertices * kLanes;
@@ -197,6 +180,7 @@ struct FlowingLane {
     Searches search{inputs, soft_at, work_heat, B_work};
     search.lanes[lane] = &step;
     if (start_of_step.hardens) {
+      const Material& soft = soft_at(lane);
       search.run({&soft, &problem.grid, heat.layer_response(), T, strain_old, heat.dt,
                   work_heat != nullptr ? work_heat->combined() : nullptr},
                  1u << lane, strain);
@@ -263,12 +247,17 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
   LaneStep before[kLanes];
   const LaneMaterials soft_at(soft, inputs);
   const auto lane_at = [&](int l) {
-    return FlowingLane{problem,    soft_at,
-                       soft_at(l), inputs,
-                       work,       T,
-                       strain_new, shape_new,
-                       l,          contact_before(problem, committed, l),
-                       0.0,        contains(inside, l)};
+    return FlowingLane{problem,
+                       soft_at,
+                       inputs,
+                       work,
+                       T,
+                       strain_new,
+                       shape_new,
+                       l,
+                       InterfaceStep(problem, inputs, committed, soft_at(l), l),
+                       0.0,
+                       contains(inside, l)};
   };
   const double* B_work = work != nullptr ? work->response() : nullptr;
   struct Search {
@@ -312,26 +301,24 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
   const double weight = flow_work(soft.flow_law);
   const int halvings = operators.max_halvings();
   double flux[kLanes] = {}, power[kLanes] = {};
-  const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat_halved(k); };
+  const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat(k); };
   for (const int l : lanes_of(inputs.active)) {
     FlowingLane& lane = slots[l].search.lane;
-    const bool is_closed = contains(closed, l);
-    FlowingSlip::Answer answer =
-        is_closed ? searches.lanes[l]->answer(searches.slip[l])
-                  : FlowingSlip::Answer{open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new)};
-    LaneStep& whole = answer.step;
-    if (is_closed) {
+    FlowingSlip::Answer answer{};
+    if (contains(closed, l)) {
+      answer = searches.lanes[l]->answer(searches.slip[l]);
       power[l] = answer.work;
       lane.finish(answer, strain, heat.dt, slots[l].search.start.layer);
     } else {
-      lane.slip_contact(whole, whole.slip, heat.dt, T[l]);
+      answer.step = lane.interface.from(before[l], heat.dt, 0.0, T[l]);
     }
+    const LaneStep& whole = answer.step;
     LaneResult result = step_or_divide(
         whole, heat_of, halvings, {l, before[l], n, T_old, T_all},
         [&] {
           copy_lane(strain, strain_new, strains, l);
           if (work_heats) copy_lane(shape, shape_new, strains, l);
-          lane.contact = contact_before(problem, committed, l);
+          lane.interface.contact = contact_before(problem, committed, l);
           lane.heat_of_work = power[l] = 0.0;
         },
         [&](const HeatOperator& shorter, const LaneStep& last) { return lane.substep(shorter, last, T_all); });
@@ -348,7 +335,7 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
     trial[layout.stress_rate + l] =
         whole_step ? std::copysign(1.0, result.step.stress) * (result.step.stress - before[l].stress) / heat.dt : 0.0;
     trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
-    store_contact(problem, lane.contact, trial, l);
+    store_contact(problem, lane.interface.contact, trial, l);
   }
 
   // 5. Add the heat of this step to the temperatures: T = T_ad + q B, and the work times B_phi.

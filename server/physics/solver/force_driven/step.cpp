@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/force_driven/substeps.hpp"
@@ -39,10 +40,16 @@ std::uint32_t slip_of_tile(const Problem& problem, const WideSlip& slip, bool re
   return found;
 }
 
-// `heat_of(k)` returns the heat operator of a step of length dt / 2^k.
-template <class HeatOf>
-void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, const TileInputs& inputs,
-             const double* committed, double* trial, TileOutputs& outputs) {
+template <class Heat>
+void advance(const Problem& problem, const StepOperators& operators, const TileInputs& inputs, const double* committed,
+             double* trial, TileOutputs& outputs) {
+  const auto heat_of = [&](int k) -> const Heat& {
+    if constexpr (std::is_same_v<Heat, ModeOperator>)
+      return operators.modes(k);
+    else
+      return operators.heat(k);
+  };
+  const int max_halvings = operators.max_halvings();
   const TileLayout& layout = problem.layout;
   const int n = problem.heat_rows;
   const double* T_old = committed + layout.first_temperature();
@@ -99,15 +106,8 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
 
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs) {
-  if (problem.modes) {
-    advance(
-        problem, [&](int k) -> const ModeOperator& { return k == 0 ? operators.modes() : operators.modes_halved(k); },
-        operators.max_halvings(), inputs, committed, trial, outputs);
-  } else {
-    advance(
-        problem, [&](int k) -> const HeatOperator& { return k == 0 ? operators.heat() : operators.heat_halved(k); },
-        operators.max_halvings(), inputs, committed, trial, outputs);
-  }
+  const AdvanceTile step = problem.modes ? advance<ModeOperator> : advance<HeatOperator>;
+  step(problem, operators, inputs, committed, trial, outputs);
 }
 
 std::optional<LaneResult> force_driven_step_at_rest(const Problem& problem, const StepOperators& operators,

@@ -32,27 +32,17 @@ Found step_of(const Found& first, const Found& second) {
 }
 
 // An open contact: the layer moves with the soft body without stress, until the contact closes.
-void open_lane(const Problem& problem, double dt, const TileInputs& inputs, const double* committed, double* trial,
-               int l, TileOutputs& outputs) {
+void open_lane(const Problem& problem, double dt, const TileInputs& inputs, double* trial, int l,
+               TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
-  double jump = inputs.velocity_jump[l], slip = jump;
-  if (is_forced(problem)) {
-    const LaneStep open = open_step(forcing_of(inputs, l), dt, jump);
-    jump = open.jump_new;
-    slip = open.slip;
-  }
+  const double jump = inputs.velocity_jump[l];
+  const LaneStep open = is_forced(problem) ? open_step(forcing_of(inputs, l), dt, jump)
+                                           : LaneStep{0.0, jump, jump, 0.0, Regime::kOpen, false, true, false};
   for (std::size_t i = 0; i < layout.num_stress_vertices; ++i) trial[layout.shear_stress + i * kLanes + l] = 0.0;
-  for (std::size_t i = 0; i < layout.num_velocity_cells; ++i) trial[layout.layer_velocity + i * kLanes + l] = jump;
-  for (std::size_t i = 0; i < layout.num_strain_vertices; ++i) {
-    trial[layout.plastic_strain + i * kLanes + l] = committed[layout.plastic_strain + i * kLanes + l];
-  }
-  outputs.shear_stress[l] = 0.0;
+  for (std::size_t i = 0; i < layout.num_velocity_cells; ++i)
+    trial[layout.layer_velocity + i * kLanes + l] = open.jump_new;
+  write_answer({open}, layout, l, trial, outputs);
   if (inputs.wants_mean_stress) outputs.mean_shear_stress[l] = outputs.mean_far_stress[l] = 0.0;
-  outputs.sliding_velocity[l] = slip;
-  outputs.velocity_jump_new[l] = jump;
-  outputs.friction_heat[l] = 0.0;
-  outputs.regime[l] = Regime::kOpen;
-  outputs.outcome[l] = 0;
 }
 
 // The mechanical state from which the step of the closed lanes starts. A contact that closes finds the layer moving with
@@ -167,7 +157,7 @@ std::uint32_t start_lanes(const Problem& problem, double dt, const TileInputs& i
   std::uint32_t closed = inputs.active;
   for (const int l : lanes_of(inputs.active)) {
     if (inputs.pressure[l] > 0.0) continue;
-    open_lane(problem, dt, inputs, committed, trial, l, outputs);
+    open_lane(problem, dt, inputs, trial, l, outputs);
     closed &= ~(1u << l);
   }
   return closed;
