@@ -194,13 +194,9 @@ void Model::advance(const StepOperators& operators, const TileInputs& inputs, co
         .run(std::numeric_limits<double>::infinity());
     return;
   }
-  if (InterfaceFrame::differs(problem.options)) {
-    const InterfaceFrame frame(problem, operators, inputs, committed);
-    advance_once(problem, operators, frame.inputs(), committed, trial, outputs);
-    frame.leave(trial, outputs);
-  } else {
-    advance_once(problem, operators, inputs, committed, trial, outputs);
-  }
+  const InterfaceFrame frame(problem, operators, inputs, committed);
+  advance_once(problem, operators, frame.inputs(), committed, trial, outputs);
+  frame.leave(trial, outputs);
   answer_mean_stress(problem, inputs, outputs);
 }
 
@@ -218,19 +214,17 @@ void keep_lane(const Problem& problem, const TileInputs& inputs, const double* c
                TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   copy_lane(committed, trial, layout.doubles, lane);
-  outputs.shear_stress[lane] = committed[layout.shear_stress + lane];
+  const Regime regime = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
+  write_answer(
+      {{committed[layout.shear_stress + lane], 0.0, inputs.velocity_jump[lane], 0.0, regime}, 0.0, 0.0, kFailed},
+      layout, lane, trial, outputs);
   if (inputs.wants_mean_stress) {
     outputs.mean_shear_stress[lane] = outputs.shear_stress[lane];
     const std::size_t far = (layout.num_stress_vertices - 1) * kLanes;  // 0 without inertia
     outputs.mean_far_stress[lane] = committed[layout.shear_stress + far + lane];
   }
-  outputs.sliding_velocity[lane] = 0.0;
-  outputs.velocity_jump_new[lane] = inputs.velocity_jump[lane];
   outputs.interface_temperature[lane] = interface_temperature(problem, committed, lane);
-  outputs.friction_heat[lane] = 0.0;
   if (problem.options.melt_film) outputs.film_thickness[lane] = film_thickness(problem, committed, lane);
-  outputs.regime[lane] = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
-  outputs.outcome[lane] = kFailed;
 }
 
 double Model::interface_temperature(const double* tile, int lane) const {
