@@ -24,11 +24,6 @@ double allowed_change(const TrialSlip& trial) {
 
 }  // namespace
 
-Regime slip_regime(const StressLimit& limit, double T0, double slip) {
-  if (limit.at(T0, slip).is_coulomb) return Regime::kCoulomb;
-  return T0 >= kMeltingShare * limit.soft->melting_temperature ? Regime::kMelting : Regime::kTresca;
-}
-
 LaneStep open_step(const Forcing& forcing, double dt, double jump_old) {
   const double jump_free = jump_old + dt * forcing.acceleration;
   return {0.0, 0.5 * (jump_old + jump_free), jump_free, 0.0, Regime::kOpen, false, true, false};

@@ -55,9 +55,6 @@ struct TrialSlip {
   }
 };
 
-// The regime of an interface that slips, at the interface temperature T0 and the slip velocity `slip`.
-Regime slip_regime(const StressLimit& limit, double T0, double slip);
-
 // The step of a closed contact. `guess`: starting stress of the search  [Pa]. `stuck`: the interface did not slip at
 // the end of the last step.
 LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double heat_partition, double B0, double T_ad,

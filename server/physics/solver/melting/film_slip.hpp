@@ -14,10 +14,11 @@ namespace shearbus::physics {
 // The interface of one step, in magnitudes along the trial direction. The film carries what shears it at the velocity
 // of the end of the step, as an interface sticks at the end of a step: a film of no thickness then sticks.
 struct FilmSlip {
-  FilmSlip(const SolidContact& solid_contact, const TrialSlip& trial_slip, double heat_partition)
-      : contact(solid_contact),
+  // `soft`: the material at the pressure.
+  FilmSlip(const Problem& problem, const Material& soft, double pressure, const TrialSlip& trial_slip)
+      : contact(problem.interface.friction_coefficient, problem.interface.yield_strength / kSqrt3, soft, pressure),
         trial(trial_slip),
-        partition(heat_partition),
+        partition(problem.heat_partition),
         mean_free(0.5 * (trial_slip.jump_old + trial_slip.direction * trial_slip.jump_free)),
         jump_free(trial_slip.direction * trial_slip.jump_free),
         stick(trial_slip.stress_stick),

@@ -88,9 +88,7 @@ std::optional<LaneResult> melting_step_at_rest(const Problem& problem, const Ste
   const double dt = operators.dt();
   if (inputs.pressure[lane] <= 0.0) return LaneResult{open_step(forcing, dt, before.jump_new)};
   const TrialSlip trial_slip(forcing, dt, before.jump_new, before.stress);
-  const FilmSlip slip(
-      {problem.interface.friction_coefficient, problem.interface.yield_strength / kSqrt3, soft, inputs.pressure[lane]},
-      trial_slip, problem.heat_partition);
+  const FilmSlip slip(problem, soft, inputs.pressure[lane], trial_slip);
   Carried answer{};
   const bool solid = slip_of_solid(slip, T0, *operators.heat().layer_response(), before.sticks, answer);
   if (!solid || !answer.sticks || answer.flux != 0.0) return std::nullopt;
@@ -138,9 +136,7 @@ void advance_force_driven_melting(const Problem& problem, const StepOperators& o
     const bool open = inputs.pressure[lane] <= 0.0;
     const bool changes = most[lane] > 0.0 || hottest[lane] > soft.melting_temperature;
     const TrialSlip trial_slip(forcing, dt, before.jump_new, before.stress);
-    const FilmSlip slip({problem.interface.friction_coefficient, problem.interface.yield_strength / kSqrt3, soft,
-                         inputs.pressure[lane]},
-                        trial_slip, problem.heat_partition);
+    const FilmSlip slip(problem, soft, inputs.pressure[lane], trial_slip);
     Carried answer{};
     bool molten = changes;
     if (!open && !changes) molten = !slip_of_solid(slip, T0[lane], B0, before.sticks, answer);

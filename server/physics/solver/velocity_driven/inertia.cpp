@@ -78,7 +78,6 @@ void answer_forced(double dt, const TileInputs& inputs, const Found& found, int 
 // stress there, works against another stress than the interface's. Without stress at z = 0 it is the whole slip.
 void answer_lane(const Problem& problem, double dt, const TileInputs& inputs, const Found& found, const double* trial,
                  int l, double hottest, TileOutputs& outputs) {
-  const double melts_at = kMeltingShare * at_pressure(problem.options.soft, inputs.pressure[l]).melting_temperature;
   const double stress = trial[problem.layout.shear_stress + l];
   const bool carries = std::abs(stress) >= kNoStress;
   const double slip = (carries && stress < 0.0 ? 0.0 : found.slip_along[0]) / dt -
@@ -93,10 +92,10 @@ void answer_lane(const Problem& problem, double dt, const TileInputs& inputs, co
   }
   const bool moves =
       is_forced(problem) ? found.slip_along[0] + found.slip_along[1] > 0.0 || found.mean_slip != 0.0 : slip != 0.0;
-  outputs.regime[l] = !moves                  ? Regime::kStick
-                      : found.interface_slips ? Regime::kCoulomb
-                      : hottest >= melts_at   ? Regime::kMelting
-                                              : Regime::kTresca;
+  outputs.regime[l] = !moves ? Regime::kStick
+                      : found.interface_slips
+                          ? Regime::kCoulomb
+                          : yielding_regime(at_pressure(problem.options.soft, inputs.pressure[l]), hottest);
   outputs.outcome[l] = outside_domain(slip, inputs.velocity_jump[l]);
   if (is_forced(problem)) answer_forced(dt, inputs, found, l, outputs);
   if (found.several) outputs.outcome[l] |= kMultipleRoots;
@@ -123,9 +122,7 @@ void close_contact(const Problem& problem, const WaveContacts::Lane& contact, co
   const bool open = outputs.regime[l] == Regime::kOpen;
   const double T0 = trial[layout.temperature + l];
   const double slip = std::abs(open ? outputs.sliding_velocity[l] : found.interface_slip);
-  if (outputs.regime[l] == Regime::kCoulomb && !contact.limit.at(T0, slip).is_coulomb)
-    outputs.regime[l] =
-        T0 >= kMeltingShare * contact.limit.soft->melting_temperature ? Regime::kMelting : Regime::kTresca;
+  if (outputs.regime[l] == Regime::kCoulomb) outputs.regime[l] = slip_regime(contact.limit, T0, slip);
   ContactState state = contact.state;
   if (!advance_contact(contact.limit, slip, T0, state))  // the caller keeps the state of a lane with such an answer
     outputs.shear_stress[l] = std::numeric_limits<double>::quiet_NaN();
