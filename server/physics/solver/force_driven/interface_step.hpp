@@ -61,13 +61,6 @@ class InterfaceStep {
       step.stress = std::numeric_limits<double>::quiet_NaN();
   }
 
-  // Whether a step of the lane may change suddenly, by what needs no limit of the stress.
-  static bool may_change_suddenly(const TileInputs& inputs, int lane, const LaneStep& last, const LaneStep& step,
-                                  double dt) {
-    const TrialSlip trial_slip(forcing_of(inputs, lane), dt, last.jump_new, last.stress);
-    return trial_slip.jump_old < 0.0 || moves_far(trial_slip, last, step);
-  }
-
   // Whether `step`, which from() would return, changes suddenly.
   bool changes_suddenly(const LaneStep& last, const LaneStep& step, double dt, double B0, double T_ad) {
     if (pressure_ <= 0.0) return false;

@@ -29,8 +29,7 @@ std::uint32_t slip_of_tile(const Problem& problem, const WideSlip& slip, bool re
                         true,
                         false};
     const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, l);
-    if (InterfaceStep::may_change_suddenly(inputs, l, before, step, slip.dt) &&
-        InterfaceStep(problem, inputs, committed, slip.interface.soft_at(l), l)
+    if (InterfaceStep(problem, inputs, committed, slip.interface.soft_at(l), l)
             .changes_suddenly(before, step, slip.dt, slip.B0, slip.T_ad[l]))
       outputs.outcome[l] = kSudden;
   }
