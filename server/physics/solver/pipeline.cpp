@@ -17,9 +17,13 @@
 namespace shearbus::physics {
 namespace {
 
+// Whether not only open contacts take steps of second order.
+bool all_is_second_order(const ModelOptions& options) {
+  return options.time_integrator == TimeIntegrator::kSdirk2 && !only_open_is_second_order(options);
+}
+
 AdvanceTile solver_of(const ModelOptions& options) {
-  const bool sdirk2 = options.time_integrator == TimeIntegrator::kSdirk2;
-  const bool second_order = sdirk2 && !only_open_is_second_order(options);
+  const bool second_order = all_is_second_order(options);
   if (options.inertia) return second_order ? advance_with_inertia_sdirk2 : advance_with_inertia;
   if (options.strategy == Strategy::kVelocityDriven)
     return second_order ? advance_velocity_driven_sdirk2 : advance_velocity_driven;
@@ -121,8 +125,8 @@ void advance_first_order(const Problem& problem, const StepOperators& operators,
 AdvanceTile first_order_of(const Problem& problem) {
   const ModelOptions& options = problem.options;
   const bool sheared = options.strategy == Strategy::kVelocityDriven && options.drive == Drive::kLayerShear;
-  const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2 && !only_open_is_second_order(options);
-  return sheared && second_order && !problem.basis && !problem.heat_varies ? advance_first_order : nullptr;
+  return sheared && all_is_second_order(options) && !problem.basis && !problem.heat_varies ? advance_first_order
+                                                                                           : nullptr;
 }
 
 // The stress that a force-driven step answers is its mean already: the momentum balance (61) takes it as constant over
@@ -230,17 +234,4 @@ void keep_lane(const Problem& problem, const TileInputs& inputs, const double* c
 double Model::interface_temperature(const double* tile, int lane) const {
   return physics::interface_temperature(*problem_, tile, lane);
 }
-double interface_temperature(const Problem& problem, const double* tile, int lane) {
-  return problem.basis ? interface_temperature_with_sleep(problem, tile, lane)
-                       : tile[problem.layout.temperature + lane];
-}
-
-StoredHeat stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered) {
-  const std::size_t first = problem.layout.first_temperature();
-  StoredHeat stored = problem.basis ? stored_heat_with_sleep(problem, committed, trial, entered)
-                                    : stored_in_rows(problem, committed + first, trial + first, entered);
-  if (problem.options.melt_film) add_latent_heat(problem, committed, trial, stored.soft);
-  return stored;
-}
-
 }  // namespace shearbus::physics

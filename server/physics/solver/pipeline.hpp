@@ -5,7 +5,6 @@
 // Only pipeline.cpp asks which links a model has and which solver it uses.
 #pragma once
 
-#include "server/physics/solver/around/ledger.hpp"
 #include "server/physics/solver/solvers.hpp"
 
 namespace shearbus::physics {
@@ -17,12 +16,5 @@ void advance_aside(AdvanceTile solve, const Problem& problem, const StepOperator
 // Fills in a lane without an answer: the outcome kFailed and the old state.
 void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
                TileOutputs& outputs);
-
-// Interface temperature T0 of a lane, awake or asleep  [K].
-double interface_temperature(const Problem& problem, const double* tile, int lane);
-
-// Growth of the heat stored in the bodies over a step, whether a lane sleeps or not. `entered`: friction heat of the
-// step, [lane]  [J/m2].
-StoredHeat stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered);
 
 }  // namespace shearbus::physics

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/around/varying_heat.hpp"
-#include "server/physics/solver/pipeline.hpp"
 
 namespace shearbus::physics {
 namespace {

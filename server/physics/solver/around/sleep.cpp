@@ -7,6 +7,7 @@
 
 #include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/melting/phase_change.hpp"
 #include "server/physics/solver/scratch.hpp"
 
 namespace shearbus::physics {
@@ -174,7 +175,7 @@ int steps_before_sleep(int num_heat_vertices) {
   return std::max(kLeastStepsBeforeSleep, num_heat_vertices / 4);
 }
 
-double interface_temperature_with_sleep(const Problem& problem, const double* tile, int lane) {
+double interface_temperature(const Problem& problem, const double* tile, int lane) {
   const TileLayout& layout = problem.layout;
   if (!asleep(layout, tile, lane)) return tile[layout.temperature + lane];
   const double* amplitude = tile + layout.first_temperature() + lane;
@@ -194,8 +195,7 @@ void profile_of(const Problem& problem, const double* tile, int lane, double* te
   copy_lane(rows, temperature, static_cast<std::size_t>(problem.heat_grid.num_vertices()) * kLanes, lane);
 }
 
-StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committed, const double* trial,
-                                  const double* entered) {
+StoredHeat stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered) {
   const TileLayout& layout = problem.layout;
   const std::size_t first = layout.first_temperature();
   int num_awake = 0;
@@ -219,6 +219,7 @@ StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committe
     stored.soft[l] = after.soft - before.soft;
     stored.hard[l] = after.hard - before.hard;
   }
+  if (problem.options.melt_film) add_latent_heat(problem, committed, trial, stored.soft);
   return stored;
 }
 

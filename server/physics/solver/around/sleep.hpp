@@ -5,7 +5,8 @@
 // temperatures and is solved. Sleep and waking of a lane depend on its own state and inputs alone.
 #pragma once
 
-#include "server/physics/solver/pipeline.hpp"
+#include "server/physics/solver/around/ledger.hpp"
+#include "server/physics/solver/solvers.hpp"
 
 namespace shearbus::physics {
 
@@ -19,11 +20,11 @@ inline bool asleep(const TileLayout& layout, const double* tile, int lane) {
 }
 
 // Interface temperature T0 of a lane, asleep or not  [K].
-double interface_temperature_with_sleep(const Problem& problem, const double* tile, int lane);
+double interface_temperature(const Problem& problem, const double* tile, int lane);
 
-// Growth of the heat in the two bodies of each lane (node) over a step, whether the lane sleeps or not  [J/m2].
-StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committed, const double* trial,
-                                  const double* entered);
+// Growth of the heat in the two bodies of each lane (node) over a step, whether the lane sleeps or not. `entered`:
+// friction heat of the step, [lane]  [J/m2].
+StoredHeat stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered);
 
 // Writes the temperatures of a lane, asleep or not, to `temperature`, [vertex][lane].
 void profile_of(const Problem& problem, const double* tile, int lane, double* temperature);

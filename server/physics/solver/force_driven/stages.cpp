@@ -122,7 +122,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   double* T = trial + layout.first_temperature();
   const double* T0 = trial + layout.temperature;
   const LaneMaterials soft(problem.options.soft, inputs);
-  const WideStages stages{WideInterface(problem, inputs, soft, dt, committed), partition, dt};
+  const WideStep stages{WideInterface(problem, inputs, soft, dt, committed), partition, dt};
   const bool wide = stages.interface.has_forms();  // else each lane is searched on its own
   const auto rare = [&](std::uint32_t left, const auto& stage_of) {
     for (const int l : lanes_of(left)) stage_of(StagedLane(problem, inputs, soft(l), l), l);

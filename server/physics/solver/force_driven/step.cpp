@@ -14,11 +14,11 @@ namespace {
 
 // Makes the step of the lanes that wide_slip() solves, except conduction, and returns these lanes. `remarks`: whether a
 // step that changes suddenly says so.
-std::uint32_t slip_of_tile(const Problem& problem, const WideSlip& slip, bool remarks, const double* committed,
-                           double* trial, TileOutputs& outputs, WideAnswer& answer) {
-  const std::uint32_t found = wide_slip(slip, answer);
+std::uint32_t slip_of_tile(const Problem& problem, const WideStep& wide, const WideStage& whole, bool remarks,
+                           const double* committed, double* trial, TileOutputs& outputs, WideAnswer& answer) {
+  const std::uint32_t found = wide_slip(wide, whole, answer);
   write_answer(problem, answer, found, trial, outputs);
-  const TileInputs& inputs = slip.interface.inputs;
+  const TileInputs& inputs = wide.interface.inputs;
   for (const int l : lanes_of(remarks ? answer.suspects : 0)) {
     const LaneStep step{answer.stress[l],
                         answer.slip[l],
@@ -29,8 +29,8 @@ std::uint32_t slip_of_tile(const Problem& problem, const WideSlip& slip, bool re
                         true,
                         false};
     const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, l);
-    if (InterfaceStep(problem, inputs, committed, slip.interface.soft_at(l), l)
-            .changes_suddenly(before, step, slip.dt, slip.B0, slip.T_ad[l]))
+    if (InterfaceStep(problem, inputs, committed, wide.interface.soft_at(l), l)
+            .changes_suddenly(before, step, whole.dt, whole.B0, whole.T_ad[l]))
       outputs.outcome[l] = kSudden;
   }
   if (inputs.work != nullptr) {
@@ -64,10 +64,11 @@ void advance(const Problem& problem, const StepOperators& operators, const TileI
   double(&flux)[kLanes] = answer.flux;
   const LaneMaterials soft_at(problem.options.soft, inputs);
   std::uint32_t found = 0;
-  const WideSlip slip{WideInterface(problem, inputs, soft_at, heat_of(0).dt, committed), T0, problem.heat_partition,
-                      *heat_of(0).layer_response(), heat_of(0).dt};
-  if (slip.interface.has_forms())
-    found = slip_of_tile(problem, slip, max_halvings > 0, committed, trial, outputs, answer);
+  const double dt = heat_of(0).dt;
+  const WideStep wide{WideInterface(problem, inputs, soft_at, dt, committed), problem.heat_partition, dt};
+  if (wide.interface.has_forms())
+    found = slip_of_tile(problem, wide, {T0, *heat_of(0).layer_response(), dt}, max_halvings > 0, committed, trial,
+                         outputs, answer);
   for (const int lane : lanes_of(inputs.active & ~found)) {
     InterfaceStep interface_step(problem, inputs, committed, soft_at(lane), lane);
     const ContactState contact_old = interface_step.contact;

@@ -365,7 +365,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     Answer answer = open ? Answer{jump, Regime::kOpen}
                          : answer_of(problem, soft_at(l), lane, layer_slip, interface_slip, T_hottest, jump,
                                      driving_velocity(problem, inputs, l), dt);
-    outputs.outcome[l] = outside_domain(answer.slip, jump);
+    std::uint8_t outcome = outside_domain(answer.slip, jump);
     double friction = std::numeric_limits<double>::infinity();  // limit of the interface at the old temperature
     if (contacts) {
       Sliding& own = (*contacts)[l];
@@ -374,7 +374,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
       if (own.ceiling_slip > 0.0 && interface_slip > 0.0) answer.regime = Regime::kCoulomb;
       if (answer.regime == Regime::kCoulomb) answer.regime = slip_regime(own.limit, T[l], v);
       friction = own.limit.at(committed[layout.temperature + l], v).stress;
-      if (own.several) outputs.outcome[l] |= kMultipleRoots;
+      if (own.several) outcome |= kMultipleRoots;
       if (!advance_contact(own.limit, v, T[l], own.state)) s = std::numeric_limits<double>::quiet_NaN();
       store_contact(problem, own.state, trial, l);
       if (layout.sticking != TileLayout::kAbsent) trial[layout.sticking + l] = open || v > 0.0 ? 0.0 : 1.0;
@@ -383,23 +383,18 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
                      .friction(committed[layout.temperature + l])
                      .stress;
     }
-    outputs.shear_stress[l] = s;
-    outputs.sliding_velocity[l] = answer.slip;
-    outputs.interface_temperature[l] = T[l];
-    outputs.velocity_jump_new[l] = jump;
     double flux = flux_of[l];
     if (stage.early_flux != nullptr) flux = sdirk2::kFirstWeight * stage.early_flux[l] + sdirk2::kDiagonal * flux;
-    outputs.friction_heat[l] = flux * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
+    const double heat_of_step = flux * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
+    write_answer({{s, answer.slip, jump, flux, answer.regime}, heat_of_step, 0.0, outcome}, layout, l, trial, outputs);
+    outputs.interface_temperature[l] = T[l];
     if (spreads)
       reshape_heat(problem, strain + l, strain_new + l, interface_slip / kSqrt3, trial + layout.heat_shape + l);
-    outputs.regime[l] = answer.regime;
     if (inputs.wants_mean_stress)
       outputs.mean_shear_stress[l] = open ? 0.0
                                           : mean_stress(problem, soft_at(l), inputs, l, lane, dt, s_start[l], committed,
                                                         trial, friction, layer_slip > 0.0 || interface_slip > 0.0);
-    trial[layout.shear_stress + l] = s;
     trial[layout.stress_rate + l] = layer_slip > 0.0 ? (s - s_start[l]) / dt : 0.0;
-    trial[layout.regime + l] = static_cast<double>(answer.regime);
   }
 }
 
