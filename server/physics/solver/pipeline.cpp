@@ -107,8 +107,7 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
   if (problem.heat_varies) {
     advance_varying(problem, operators.dt(), solve, inputs, committed, trial, outputs);
   } else if (problem.basis) {
-    advance_with_sleep(problem, operators, {solve, step_at_rest_of(problem.options)}, inputs, committed, trial,
-                       outputs);
+    advance_with_sleep(problem, operators, solve, step_at_rest_of(problem.options), inputs, committed, trial, outputs);
   } else {
     solve(problem, operators, inputs, committed, trial, outputs);
   }

@@ -223,7 +223,7 @@ StoredHeat stored_heat(const Problem& problem, const double* committed, const do
   return stored;
 }
 
-void advance_with_sleep(const Problem& problem, const StepOperators& operators, const SleepingSolver& solver,
+void advance_with_sleep(const Problem& problem, const StepOperators& operators, AdvanceTile solve, StepAtRest* at_rest,
                         const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const HeatBasis& basis = *problem.basis;
@@ -243,13 +243,13 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   if (sleeping != 0) interface_later(basis, decay, num_live, rows, T0);
 
   // 2. Find the sleeping lanes that stay asleep (`resting`), and their steps.
-  LaneResult at_rest[kLanes];
+  LaneResult steps_at_rest[kLanes];
   std::uint32_t resting = 0;
   const LaneMaterials soft_at(problem.options.soft, inputs);
   for (const int l : lanes_of(sleeping)) {
-    const auto step = step_at_rest(problem, operators, solver.at_rest, inputs, committed, soft_at(l), T0[l], l);
+    const auto step = step_at_rest(problem, operators, at_rest, inputs, committed, soft_at(l), T0[l], l);
     if (!step) continue;
-    at_rest[l] = *step;
+    steps_at_rest[l] = *step;
     resting |= 1u << l;
   }
 
@@ -260,7 +260,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
     others.active = solved;
     const std::uint32_t waking = sleeping & solved;
     const double* from = waking != 0 ? waking_tile(problem, waking, committed) : committed;
-    solver.solve(problem, operators, others, from, trial, outputs);
+    solve(problem, operators, others, from, trial, outputs);
     for (const int l : lanes_of(solved)) count_rest(problem, inputs, committed, soft_at(l), l, trial, outputs);
   }
   if (resting == 0) return;
@@ -278,7 +278,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
       for (std::ptrdiff_t k = 0; k < basis.num_modes(); ++k) rows_new[k * kLanes + l] *= decay[k];
     }
     const int lives = still_living(living(layout, committed, l), l, rows_new);
-    write_sleeping_lane(problem, inputs, committed, at_rest[l], T0[l], lives, l, trial, outputs);
+    write_sleeping_lane(problem, inputs, committed, steps_at_rest[l], T0[l], lives, l, trial, outputs);
   }
 }
 

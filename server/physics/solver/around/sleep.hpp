@@ -29,13 +29,9 @@ StoredHeat stored_heat(const Problem& problem, const double* committed, const do
 // Writes the temperatures of a lane, asleep or not, to `temperature`, [vertex][lane].
 void profile_of(const Problem& problem, const double* tile, int lane, double* temperature);
 
-struct SleepingSolver {
-  AdvanceTile solve;    // steps the lanes that are awake
-  StepAtRest* at_rest;  // steps the lanes that sleep
-};
-
-// One step of the active lanes, asleep or awake; the caller fills the other lanes of `trial`.
-void advance_with_sleep(const Problem& problem, const StepOperators& operators, const SleepingSolver& solver,
+// One step of the active lanes, by `solve` if they are awake and by `at_rest` if they sleep; the caller fills the other
+// lanes of `trial`.
+void advance_with_sleep(const Problem& problem, const StepOperators& operators, AdvanceTile solve, StepAtRest* at_rest,
                         const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
 
 }  // namespace shearbus::physics
