@@ -105,7 +105,7 @@ inline bool nodes_sleep(const ModelOptions& options) {
 // the flow of a step as constant, so that a step with slip or flow is one of backward Euler (METHODS.md).
 bool only_open_is_second_order(const ModelOptions& options);
 
-// Velocity-driven: whether the imposed jump is slip of the interface, and the host's own shear drives the layer, DLP (64).
+// Velocity-driven: whether the jump is slip of the interface, and the host's own shear drives the layer, DLP (64).
 inline bool jump_is_slip(const ModelOptions& options) {
   return options.strategy == Strategy::kVelocityDriven && options.drive == Drive::kInterfaceSlip;
 }

@@ -151,7 +151,7 @@ bool goes_with(Property property, const ModelOptions& options);
 // tolerance.
 ModelOptions switched(ModelOptions options, const Part& part, bool on);
 
-// The page of the options in Markdown, which `shearbus-ctl options` prints from these tables and from the lists of laws.
+// The page of the options in Markdown, printed by `shearbus-ctl options` from these tables and the lists of laws.
 std::string options_page();
 
 // Thrown by Model's constructor; what() is the text of all refusals, one per line.

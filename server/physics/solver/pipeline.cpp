@@ -137,8 +137,8 @@ void answer_mean_stress(const Problem& problem, const TileInputs& inputs, TileOu
     std::copy_n(outputs.second_shear_stress, kLanes, outputs.second_mean_shear_stress);
 }
 
-// One step of a tile under a tolerance, which may be interrupted between two substeps: the first two links of the chain,
-// frame and tolerance. All arguments must live until the step is done.
+// One step of a tile under a tolerance, which may be interrupted between two substeps: the first two links of the
+// chain, frame and tolerance. All arguments must live until the step is done.
 struct DividedTile {
   // `accepted_states`: memory of one tile.
   DividedTile(const Problem& problem_of_model, const StepOperators& operators, const TileInputs& tile,

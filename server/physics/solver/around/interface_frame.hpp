@@ -13,9 +13,9 @@ namespace shearbus::physics {
 // arguments of the constructor must live until then.
 //
 // The plastic shear of the host's soft zone lets the interface of a layer without inertia see the jump
-// [V] + sqrt(3) h Ep_dot, DLP (64): links behind this one know no other jump. Friction and plasticity are isotropic: a step
-// of two tangential components is the scalar step of each active lane along a trial vector, which is the elastic stress
-// (velocity-driven) or the frictionless jump (force-driven).
+// [V] + sqrt(3) h Ep_dot, DLP (64): links behind this one know no other jump. Friction and plasticity are isotropic: a
+// step of two tangential components is the scalar step of each active lane along a trial vector, which is the elastic
+// stress (velocity-driven) or the frictionless jump (force-driven).
 class InterfaceFrame {
  public:
   InterfaceFrame(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,

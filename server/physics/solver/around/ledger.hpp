@@ -1,5 +1,5 @@
-// The heat stored in a step, for the energy ledger (MODEL.md, "Energy ledger"), which is computed from the states before
-// and after the step and only on request.
+// The heat stored in a step, for the energy ledger (MODEL.md, "Energy ledger"), which is computed from the states
+// before and after the step and only on request.
 #pragma once
 
 #include <array>

@@ -139,7 +139,7 @@ bool Model::can_linearise(const ModelOptions& options) {
          (options.strategy == Strategy::kForceDriven || slips_under_constant_limit(options));
 }
 
-// 0 where the answer has no derivatives: open contacts, lanes that failed, and lanes whose step was divided into substeps.
+// 0 where the answer has none: in open contacts, and in lanes that failed or whose step was divided into substeps.
 void Model::linearise(const StepOperators& operators, const TileInputs& inputs, const double* committed,
                       const double* trial, TileOutputs& outputs) const {
   const Problem& problem = *problem_;

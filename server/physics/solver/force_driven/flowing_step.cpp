@@ -79,9 +79,9 @@ struct Searches {
   double slip[kLanes] = {};  // plastic slip across the layer, integral(dep), under the loads found  [m]
   int sums[kLanes] = {};     // number of sums of the flow over the layer that each lane has needed
 
-  // Runs the searches of the lanes `active` in a step with the operator `heat` from the strain `strain_old`. If the layer
-  // hardens, the strain of the tile is the new strain under the loads found. Each sum writes the strain, so that a search
-  // that ends under the load of its last sum needs no other.
+  // Runs the searches of the lanes `active` in a step with the operator `heat` from the strain `strain_old`. If the
+  // layer hardens, the strain of the tile is the new strain under the loads found. Each sum writes the strain, so that
+  // a search that ends under the load of its last sum needs no other.
   void run(const HeatOperator& heat, const double* strain_old, std::uint32_t active) {
     if (active != 0 && hardens(tile.problem.options.soft)) sum_flow(heat, strain_old, active);
     for (const int l : lanes_of(active)) {

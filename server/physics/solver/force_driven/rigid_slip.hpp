@@ -63,10 +63,10 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
 // The step of an open contact: no stress.
 LaneStep open_step(const Forcing& forcing, double dt, double jump_old);
 
-// A step changes suddenly (its outcome says kSudden) where stress or slip change so much that one step may be far from the
-// answer of shorter steps (MODEL.md, "Force-driven step"): slip that starts near melting, and slip that turns. The jump
-// after the undivided step may then be off by more than this fraction of the larger of the jumps before the step and after
-// a step without friction.
+// A step changes suddenly (its outcome says kSudden) where stress or slip change so much that one step may be far from
+// the answer of shorter steps (MODEL.md, "Force-driven step"): slip that starts near melting, and slip that turns. The
+// jump after the undivided step may then be off by more than this fraction of the larger of the jumps before the step
+// and after a step without friction.
 inline constexpr double kMostSudden = 0.1;
 
 // Whether jump or stress differs by more than that from the state before the step. A step without this changes suddenly

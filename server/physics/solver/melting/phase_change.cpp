@@ -234,8 +234,8 @@ void PhaseChange::settle(double q) {
     if (!revise(q)) return;
   // The search that cannot fail. Without liquid vertices, whose excess of heat stays in melting ones, all temperatures
   // are too low. Each vertex whose liquid fraction exceeds 1 becomes liquid, which warms the others: no vertex ever has
-  // to become solid again. For given liquid vertices temperatures only fall from the second change of the other phases on
-  // (policy iteration with an M-matrix), so that these end.
+  // to become solid again. For given liquid vertices temperatures only fall from the second change of the other phases
+  // on (policy iteration with an M-matrix), so that these end.
   for (Vertex& v : vertex_)
     if (v.phase == Phase::kLiquid) v.phase = Phase::kMelting;
   for (std::size_t sweep = 0; sweep <= vertex_.size(); ++sweep) {

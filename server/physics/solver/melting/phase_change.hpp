@@ -70,8 +70,8 @@ class PhaseChange {
   void solve();
   void melt_partly();
   bool extend(double q);
-  // Changes the phases that the flux q contradicts, those of liquid vertices and to liquid only if `of_liquid`, without a
-  // new solution. Returns whether there were any.
+  // Changes the phases that the flux q contradicts, those of liquid vertices and to liquid only if `of_liquid`, without
+  // a new solution. Returns whether there were any.
   bool change_phases(double q, bool of_liquid);
   double temperature(const Vertex& vertex, double q) const { return vertex.t + q * vertex.t_per_flux; }
   double fraction(const Vertex& vertex, double q) const { return vertex.f + q * vertex.f_per_flux; }
