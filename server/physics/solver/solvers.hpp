@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <type_traits>
 
 #include "server/physics/solver/lane_step.hpp"
 #include "server/physics/solver/problem.hpp"
@@ -11,9 +12,9 @@ namespace shearbus::physics {
 
 // A step of the active lanes from `committed` to `trial`, with their `outputs`. A solver may overwrite the other lanes
 // of `trial`, too; the caller restores them.
-using StepOfTile = void(const Problem&, const StepOperators&, const TileInputs&, const double* committed, double* trial,
-                        TileOutputs& outputs);
-using AdvanceTile = StepOfTile*;
+using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
+                             double* trial, TileOutputs& outputs);
+using StepOfTile = std::remove_pointer_t<AdvanceTile>;
 
 // The step of one lane (node) that sleeps (METHODS.md, sleep), with the same bits that the solver would find from the
 // same T0, or nothing if the lane must wake: because it slips, is heated, or may have several answers. The caller
