@@ -8,7 +8,7 @@
 #include <deque>
 #include <string>
 
-#include "server/physics/solver/velocity_driven/inertia.hpp"
+#include "server/physics/solver/velocity_driven/inertia_stage.hpp"
 #include "tests/support/random_physics.hpp"
 #include "tests/support/wave_stage.hpp"
 

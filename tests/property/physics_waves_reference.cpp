@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <string>
 
-#include "server/physics/solver/velocity_driven/inertia.hpp"
+#include "server/physics/solver/velocity_driven/inertia_stage.hpp"
 #include "tests/support/random_physics.hpp"
 #include "tests/support/waves.hpp"
 

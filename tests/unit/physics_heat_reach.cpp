@@ -225,12 +225,12 @@ TEST(PhysicsHeatReach, OperatorsOfShorterStepsAreThoseOfTheirLength) {
     for (int k = 1; k <= 6; ++k) {
       const double dt = std::ldexp(1e-9, -k);
       const HeatOperator heat(Rig(profile).heat_grid(), profile.soft, dt);
-      EXPECT_TRUE(std::ranges::equal(of_profile->heat_halved(k).outward, heat.outward)) << k;
-      EXPECT_TRUE(std::ranges::equal(of_profile->heat_halved(k).response, heat.response)) << k;
+      EXPECT_TRUE(std::ranges::equal(of_profile->heat(k).outward, heat.outward)) << k;
+      EXPECT_TRUE(std::ranges::equal(of_profile->heat(k).response, heat.response)) << k;
       const ModeOperator own(HeatModes(HeatKernel(modes.soft, modes.grid), *modes.modes), dt);
-      EXPECT_EQ(of_modes->modes_halved(k).decay, own.decay) << k;
-      EXPECT_EQ(of_modes->modes_halved(k).gain, own.gain) << k;
-      EXPECT_EQ(of_modes->modes_halved(k).response, own.response) << k;
+      EXPECT_EQ(of_modes->modes(k).decay, own.decay) << k;
+      EXPECT_EQ(of_modes->modes(k).gain, own.gain) << k;
+      EXPECT_EQ(of_modes->modes(k).response, own.response) << k;
     }
   };
   std::thread other(ask);

@@ -78,6 +78,18 @@ double friction_of(const ModelOptions& options, double pressure, double T0, doub
   return mu * pressure;  // constant friction, DLP (65)
 }
 
+double interface_yield(const ModelOptions& options, double pressure, double T0, double slip, double dt,
+                       double junction_strain) {
+  double strength = options.interface.yield_strength;
+  if (options.junctions) {
+    const Material& m = options.junctions->metal;
+    const double strain = junction_strain + dt * slip / (kSqrt3 * options.junctions->height);
+    const double hardened = m.yield_strength * std::pow(1.0 + m.hardening_coefficient * strain, m.hardening_exponent);
+    strength = options.junctions->contact_fraction * std::min(m.yield_strength_max, hardened);
+  }
+  return strength / kSqrt3 * softening(options.soft, pressure, T0).g;
+}
+
 namespace {
 
 // The interface limit, DLP (65), for friction that does not depend on slip.
@@ -86,8 +98,7 @@ struct InterfaceLaw {
   double pressure;
   double friction(double T0) const { return friction_of(options, pressure, T0, 0.0, 0.0, 0.0); }
   double limit(double T0) const {
-    const double yield = options.interface.yield_strength / kSqrt3 * softening(options.soft, pressure, T0).g;
-    return std::min(friction(T0), yield);
+    return std::min(friction(T0), interface_yield(options, pressure, T0, 0.0, 0.0, 0.0));
   }
 };
 
@@ -177,23 +188,6 @@ NodeOutputs velocity_driven_sdirk2(const ModelOptions& options, double dt, const
 
 NodeOutputs advance_undivided(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state);
 
-// A step of second order of an open contact whose slip is of first order: nothing heats, so that both stages conduct.
-bool conducted_sdirk2(const ModelOptions& options, double dt, const NodeInputs& in, const Profile& old,
-                      NodeState& state, NodeOutputs& out) {
-  const auto solid = [](const NodeState& s) {
-    return std::all_of(s.liquid_fraction.begin(), s.liquid_fraction.end(), [](double f) { return f == 0.0; });
-  };
-  if (options.modes || !solid(state)) return false;
-  NodeState early = state;
-  const Heat first = heat_of_step(options, kGamma * dt, early, old);
-  heat_up(early, first.T_ad, 0.0, first.B);
-  const Heat second = heat_of_second_stage(options, dt, 0.0, old, early);
-  if (!in_range(options, in.pressure, old, second.T_ad)) return false;
-  heat_up(state, second.T_ad, 0.0, second.B);
-  out.interface_temperature = state.temperature[0];
-  return true;
-}
-
 // k(T) and c(T) are taken between the temperatures at both ends of the step, which repetitions find.
 NodeOutputs advance_varying(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   const NodeState before = state;
@@ -217,6 +211,22 @@ NodeOutputs advance_varying(const ModelOptions& options, double dt, const NodeIn
 }
 
 }  // namespace
+
+bool conducted_sdirk2(const ModelOptions& options, double dt, const NodeInputs& in, const Profile& old,
+                      NodeState& state, NodeOutputs& out) {
+  const auto solid = [](const NodeState& s) {
+    return std::all_of(s.liquid_fraction.begin(), s.liquid_fraction.end(), [](double f) { return f == 0.0; });
+  };
+  if (options.modes || !solid(state)) return false;
+  NodeState early = state;
+  const Heat first = heat_of_step(options, kGamma * dt, early, old);
+  heat_up(early, first.T_ad, 0.0, first.B);
+  const Heat second = heat_of_second_stage(options, dt, 0.0, old, early);
+  if (!in_range(options, in.pressure, old, second.T_ad)) return false;
+  heat_up(state, second.T_ad, 0.0, second.B);
+  out.interface_temperature = state.temperature[0];
+  return true;
+}
 
 NodeOutputs advance_uncontrolled(const ModelOptions& options, double dt, const NodeInputs& inputs, NodeState& state) {
   return conducts_by_temperature(options) ? advance_varying(options, dt, inputs, state)

@@ -31,10 +31,6 @@ struct MeltingStep {
   double T_melt;
   std::vector<double> T_old, liquid_old, eta;
 
-  double soft_capacity(int i) const {  // of vertex i of the soft body alone  [J/(m2 K)]
-    return options.soft.conductivity / options.soft.diffusivity *
-           grid.weight[std::size_t(grid.interface) + std::size_t(i)];
-  }
   double latent(int i) const {  // latent heat of vertex i  [J/m2]
     return options.soft.density * options.melt_film->latent_heat *
            grid.weight[std::size_t(grid.interface) + std::size_t(i)];

@@ -137,13 +137,7 @@ struct OneStep {
   }
   double yield(double T0, double v) const {
     if (!forced && !options.junctions) return kInfinity;  // a velocity-driven interface yields as the layer does
-    double strength = options.interface.yield_strength;
-    if (options.junctions) {
-      const Material& m = options.junctions->metal;
-      const double hardened = std::pow(1.0 + m.hardening_coefficient * junction_strain(v), m.hardening_exponent);
-      strength = options.junctions->contact_fraction * std::min(m.yield_strength_max, m.yield_strength * hardened);
-    }
-    return strength / kSqrt3 * softening(soft, in.pressure, T0).g;
+    return interface_yield(options, in.pressure, T0, v, dt, old.junction_strain);
   }
   double limit(const Load& l) const { return std::min(friction(l), yield(T(0, l), l.v)); }
   bool follows_slip() const {

@@ -62,6 +62,9 @@ double strain_increment(const Material& m, double a, double pressure, double T, 
 // Friction at z = 0 at the end of a step of length dt with this slip velocity, by the law of the options, as its paper
 // prints it; infinity: none limits the stress  [Pa]. `state`: of the law before the step.
 double friction_of(const ModelOptions& options, double pressure, double T0, double slip, double dt, double state);
+// The shear strength of the interface or its junctions, which have the strain `junction_strain` before the step  [Pa].
+double interface_yield(const ModelOptions& options, double pressure, double T0, double slip, double dt,
+                       double junction_strain);
 // Slip velocity due to the plastic shear of the host's soft zone, sqrt(3) h Ep_dot, signed, DLP (64)  [m/s].
 double host_shear(const ModelOptions& options, const NodeInputs& in);
 // The least slip velocity for which a force-driven step asks a friction law with a state. `jump_old`: before the step,
@@ -69,6 +72,11 @@ double host_shear(const ModelOptions& options, const NodeInputs& in);
 double least_slip_of_law(double jump_old, double jump_free);
 // The state of the law after the step.
 double friction_state_after(const ModelOptions& options, double pressure, double slip, double dt, double state);
+
+// The second-order step of an open contact, which nothing heats, from the temperatures `old`: only conducts. Returns
+// false, with the state unchanged, where a melt or the range of the temperatures forbids it.
+bool conducted_sdirk2(const ModelOptions& options, double dt, const NodeInputs& in, const Profile& old,
+                      NodeState& state, NodeOutputs& out);
 
 // One step of backward Euler of either strategy, with any flow law and contact law, without inertia and melt film.
 // `heat`: of the step, or of a stage of SDIRK2.

@@ -54,11 +54,7 @@ Kept kept(const Layer& layer, int vertex, double t, double T) {
     return flow_stress(m, ep + dep, layer.in.pressure, T, dep / layer.dt) / kSqrt3;
   };
   if (t <= yield(0.0)) return {t, 0.0, 1.0};
-  double lo = 0.0;
-  double hi = t / stiffness;
-  for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {
-    (yield(mid) + stiffness * mid < t ? lo : hi) = mid;
-  }
+  const double lo = bisect([&](double dep) { return yield(dep) + stiffness * dep - t; }, 0.0, t / stiffness);
   if (!properties_of(m.flow_law).has_wave_return) {
     const double more = 1e-6 * lo + 1e-12;
     const double rate = std::max(0.0, (yield(lo + more) - yield(lo)) / more);
@@ -92,13 +88,10 @@ void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
     if (i == 0 && keeps.stress > layer.limit) {
       // The vertex flows only until its strength is the limit of the contact; the other shear is slip.
       const double stiffness = kSqrt3 * layer.options.soft.shear_modulus;
-      double lo = 0.0, hi = keeps.growth;
-      for (double mid = 0.5 * hi; mid > lo && mid < hi; mid = 0.5 * (lo + hi)) {
-        const double carries =
-            flow_stress(layer.options.soft, layer.strain_old[0] + mid, layer.in.pressure, T[0], mid / layer.dt) /
-            kSqrt3;
-        (carries < layer.limit ? lo : hi) = mid;
-      }
+      const auto carries = [&](double dep) {
+        return flow_stress(layer.options.soft, layer.strain_old[0] + dep, layer.in.pressure, T[0], dep / layer.dt);
+      };
+      const double lo = bisect([&](double dep) { return carries(dep) - kSqrt3 * layer.limit; }, 0.0, keeps.growth);
       const double slips = (std::abs(t) - layer.limit - stiffness * lo) / layer.per_velocity(0);
       at.interface_slip = std::copysign(slips, t);
       keeps = {layer.limit, lo, 0.0};
@@ -184,13 +177,7 @@ double limit_of_contact(const ModelOptions& options, double dt, const NodeInputs
   }
   const double friction = friction_of(options, in.pressure, T0, slip, dt, old.friction_state);
   if (!options.junctions && !yields) return friction;
-  if (!options.junctions)
-    return std::min(friction, options.interface.yield_strength / kSqrt3 * softening(options.soft, in.pressure, T0).g);
-  const Material& m = options.junctions->metal;
-  const double strain = old.junction_strain + dt * slip / (kSqrt3 * options.junctions->height);
-  const double hardened = m.yield_strength * std::pow(1.0 + m.hardening_coefficient * strain, m.hardening_exponent);
-  const double strength = options.junctions->contact_fraction * std::min(m.yield_strength_max, hardened) / kSqrt3;
-  return std::min(friction, strength * softening(options.soft, in.pressure, T0).g);
+  return std::min(friction, interface_yield(options, in.pressure, T0, slip, dt, old.junction_strain));
 }
 
 // Finds the zero of f in [0, hi], where f falls from a value that is not negative, by false position; every third step
@@ -426,31 +413,13 @@ Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInp
   return stage;
 }
 
+// An open contact: the layer moves with the soft body without stress.
 NodeOutputs open_contact(const ModelOptions& options, double dt, const NodeInputs& in, NodeState& state, bool sdirk2) {
   const Profile old = profile_of(state);
-  Heat heat = heat_of_step(options, sdirk2 ? kGamma * dt : dt, state, old);
-  NodeOutputs out;
-  if (sdirk2) {
-    NodeState early = state;
-    heat_up(early, heat.T_ad, 0.0, heat.B);
-    const Heat second = heat_of_second_stage(options, dt, 0.0, old, early);
-    out.first_order = !in_range(options, in.pressure, old, second.T_ad);
-    heat = out.first_order ? heat_of_step(options, dt, state, old) : second;
-  }
-  double jump_new = in.velocity_jump;
-  if (options.strategy == Strategy::kForceDriven)
-    jump_new += dt * (in.stress_soft / in.mass_soft + in.stress_hard / in.mass_hard);
-  const double slip = 0.5 * (in.velocity_jump + jump_new);
+  NodeOutputs out = one_step(options, dt, in, state, heat_of_step(options, dt, state, old));
+  if (sdirk2) out.first_order = !conducted_sdirk2(options, dt, in, old, state, out);
   std::fill(state.stress_field.begin(), state.stress_field.end(), 0.0);
-  std::fill(state.layer_velocity.begin(), state.layer_velocity.end(), jump_new);
-  heat_up(state, heat.T_ad, 0.0, heat.B);
-  state.shear_stress = 0.0;
-  state.sticking = false;
-  state.friction_state = friction_state_after(options, in.pressure, std::abs(slip), dt, state.friction_state);
-  out.velocity_jump_new = jump_new;
-  out.sliding_velocity = slip;
-  out.interface_temperature = state.temperature[0];
-  out.regime = state.regime = Regime::kOpen;
+  std::fill(state.layer_velocity.begin(), state.layer_velocity.end(), out.velocity_jump_new);
   return out;
 }
 

@@ -3,6 +3,8 @@
 
 #include <cstdint>
 
+#include "server/physics/interface/stress_limit.hpp"
+#include "server/physics/material/strength.hpp"
 #include "server/physics/solver/states.hpp"
 #include "server/physics/solver/tile.hpp"
 
@@ -19,18 +21,22 @@ struct LaneStep {
   bool several;  // other answers satisfied the equations of the step too
 };
 
-// The answer of a step without heat and flow, and its outcome bits (kOutsideDomain, ..., tile.hpp).
-struct RestingStep {
-  LaneStep step;
-  std::uint8_t outcome = 0;
-};
-
 struct LaneResult {
   LaneStep step{};
-  double heat = 0.0;  // friction heat of the step                                                   [J/m2]
-  double flux = 0.0;  // heat flux still to be added to the temperatures; 0 if substeps have added it  [W/m2]
-  std::uint8_t outcome = 0;
+  double heat = 0.0;         // friction heat of the step                                                   [J/m2]
+  double flux = 0.0;         // heat flux still to be added to the temperatures; 0 if substeps have added it  [W/m2]
+  std::uint8_t outcome = 0;  // bits (kOutsideDomain, ..., tile.hpp)
 };
+
+// The regime of metal that yields at the temperature T. `soft`: the material at the pressure.
+inline Regime yielding_regime(const Material& soft, double T) {
+  return T >= kMeltingShare * soft.melting_temperature ? Regime::kMelting : Regime::kTresca;
+}
+
+// The regime of an interface that slips, at the interface temperature T0 and the slip velocity `slip`.
+inline Regime slip_regime(const StressLimit& limit, double T0, double slip) {
+  return limit.at(T0, slip).is_coulomb ? Regime::kCoulomb : yielding_regime(*limit.soft, T0);
+}
 
 // Writes the answer of a lane, except the states and outputs that follow from the temperatures.
 inline void write_answer(const LaneResult& result, const TileLayout& layout, int lane, double* trial,

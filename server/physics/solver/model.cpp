@@ -7,19 +7,12 @@
 #include <utility>
 
 #include "server/physics/material/strength.hpp"
-#include "server/physics/solver/around/discretisation.hpp"
-#include "server/physics/solver/around/ledger.hpp"
-#include "server/physics/solver/around/linearised.hpp"
 #include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/around/tolerance.hpp"
-#include "server/physics/solver/divided_tile.hpp"
 #include "server/physics/solver/parts.hpp"
-#include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/profile.hpp"
 #include "server/physics/solver/step_operators.hpp"
 #include "server/physics/solver/text.hpp"
-#include "server/physics/solver/velocity_driven/forced_stage.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -74,50 +67,40 @@ Problem::Problem(const ModelOptions& model_options)
   if (basis) basis->exact_in_time = model_options.tolerance.has_value();
 }
 
-struct Model::Impl : Problem {
-  using Problem::Problem;
-};
-
-Model::Model(const ModelOptions& options) : impl_(std::make_unique<Impl>(possible(options))) {}
+Model::Model(const ModelOptions& options) : problem_(std::make_unique<const Problem>(possible(options))) {}
 Model::~Model() = default;
 Model::Model(Model&&) noexcept = default;
 
 const ModelOptions& Model::options() const {
-  return impl_->options;
+  return problem_->options;
 }
 const Grid& Model::grid() const {
-  return impl_->grid;
+  return problem_->grid;
 }
 const TileLayout& Model::layout() const {
-  return impl_->layout;
-}
-
-LeastMasses Model::least_masses(double dt) const {
-  return physics::least_masses(*impl_, dt);
+  return problem_->layout;
 }
 
 std::vector<std::string> Model::warnings() const {
-  const ModelOptions& o = impl_->options;
+  const ModelOptions& o = problem_->options;
   std::vector<std::string> warnings;
   const double hard_yield = fresh_strength(o.hard), soft_yield = fresh_strength(o.soft);
   if (hard_yield < soft_yield) {
     warnings.push_back(text_of("the hard body's yield strength (", hard_yield, " Pa) is below the soft body's (",
                                soft_yield, " Pa): the layer that flows should be the weaker body, name it soft"));
   }
-  if (o.grid.far_boundary == FarBoundary::kInsulated) {
-    const double h = o.grid.thickness;
-    warnings.push_back(text_of("note: the far face is insulated: heat reaches it (h = 3 sqrt(alpha t)) after ",
-                               Digits{3, h * h / (9.0 * o.soft.diffusivity)},
-                               " s, for longer runs take a thicker layer than ", h,
-                               " m or far_boundary = \"half_space\""));
-  }
-  if (o.hard_grid && o.hard_grid->far_boundary == FarBoundary::kInsulated) {
-    const double h = o.hard_grid->thickness;
-    warnings.push_back(
-        text_of("note: the hard body ends at an insulated face: heat reaches it (h = 3 sqrt(alpha t)) after ",
-                Digits{3, h * h / (9.0 * o.hard.diffusivity)}, " s, for longer runs take a thicker hard layer than ", h,
-                " m or hard_layer.far_boundary = \"half_space\""));
-  }
+  const auto warn_of_far_face = [&](const char* where, const GridOptions& grid, double diffusivity, const char* body,
+                                    const char* key) {
+    if (grid.far_boundary != FarBoundary::kInsulated) return;
+    const double h = grid.thickness;
+    warnings.push_back(text_of("note: ", where, ": heat reaches it (h = 3 sqrt(alpha t)) after ",
+                               Digits{3, h * h / (9.0 * diffusivity)}, " s, for longer runs take a thicker ", body,
+                               " than ", h, " m or ", key, " = \"half_space\""));
+  };
+  warn_of_far_face("the far face is insulated", o.grid, o.soft.diffusivity, "layer", "far_boundary");
+  if (o.hard_grid)
+    warn_of_far_face("the hard body ends at an insulated face", *o.hard_grid, o.hard.diffusivity, "hard layer",
+                     "hard_layer.far_boundary");
   if (o.hard_grid && o.hard.melting_temperature < o.soft.melting_temperature) {
     warnings.push_back(text_of("the hard body melts at ", o.hard.melting_temperature, " K, below the soft body's ",
                                o.soft.melting_temperature, " K: it is heated as if it stayed solid"));
@@ -125,18 +108,17 @@ std::vector<std::string> Model::warnings() const {
   if (o.taylor_quinney_factor) {
     warnings.emplace_back(
         "note: plastic work heats the layer: once it softens faster than it hardens the flow gathers in a band, and "
-        "where "
-        "and "
-        "when that forms depends on cells and dt; compare several before trusting the stress after it");
+        "where and when that forms depends on cells and dt; compare several before trusting the stress after it");
   }
   if (o.time_integrator == TimeIntegrator::kSdirk2 && only_open_is_second_order(o))
     warnings.emplace_back(
         "note: layer.time_integrator = \"sdirk2\" makes the steps of open contacts second order only: with these "
         "options "
         "slip and flow are constant over a step, which the outcome of a node reports as \"first order\"");
-  if (o.tolerance) warnings.push_back("note: " + discretisation_of(o, impl_->modes ? impl_->modes->rate.size() : 0));
+  if (o.tolerance)
+    warnings.push_back("note: " + discretisation_of(o, problem_->modes ? problem_->modes->rate.size() : 0));
   constexpr double kCostlyStep = 3e5, kCostlyControlledStep = 3e7;  // about 3 ms and 0.3 s of a core
-  if (const double work = hard_step_work(*impl_); work > (o.tolerance ? kCostlyControlledStep : kCostlyStep)) {
+  if (const double work = hard_step_work(*problem_); work > (o.tolerance ? kCostlyControlledStep : kCostlyStep)) {
     warnings.push_back(text_of("note: costly: a step may need ", Digits{2, work},
                                " evaluations of a cell for each node, of which a core makes some 1e8 a second; ",
                                o.tolerance ? "a larger tolerance needs fewer cells and substeps"
@@ -161,22 +143,8 @@ std::vector<std::string> Model::warnings() const {
   return warnings;
 }
 
-double Model::interface_temperature(const double* tile, int lane) const {
-  return physics::interface_temperature(*impl_, tile, lane);
-}
-
-bool Model::keeps_profile() const {
-  return physics::keeps_profile(*impl_);
-}
-ProfileGrid Model::profile_grid() const {
-  return physics::profile_grid(*impl_);
-}
-void Model::profile(const double* tile, int lane, double pressure, const ProfileRows& rows) const {
-  read_profile(*impl_, tile, lane, pressure, rows);
-}
-
 void Model::initialise(double* tile, const double (&temperature)[kLanes]) const {
-  const TileLayout& layout = impl_->layout;
+  const TileLayout& layout = problem_->layout;
   std::fill_n(tile, layout.doubles, 0.0);  // 0 means no strain, no stress, Regime::kOpen
   if (layout.heat_modes != TileLayout::kAbsent) {
     std::copy_n(temperature, kLanes, tile + layout.heat_modes);
@@ -188,13 +156,14 @@ void Model::initialise(double* tile, const double (&temperature)[kLanes]) const 
   }
   if (layout.liquid_fraction != TileLayout::kAbsent) {
     for (std::size_t i = 0; i < layout.num_vertices * kLanes; ++i)
-      tile[layout.liquid_fraction + i] = temperature[i % kLanes] > impl_->options.soft.melting_temperature ? 1.0 : 0.0;
+      tile[layout.liquid_fraction + i] =
+          temperature[i % kLanes] > problem_->options.soft.melting_temperature ? 1.0 : 0.0;
   }
   if (layout.heat_shape == TileLayout::kAbsent) return;
   // heat_shape (share of the plastic work that heats each vertex) begins as in a layer that flows uniformly.
   for (std::size_t i = 0; i < layout.num_strain_vertices; ++i) {
-    const double share = impl_->grid.weight[i] / impl_->grid.vertex.back();
-    std::fill_n(tile + layout.heat_shape + i * kLanes, kLanes, *impl_->options.taylor_quinney_factor * share);
+    const double share = problem_->grid.weight[i] / problem_->grid.vertex.back();
+    std::fill_n(tile + layout.heat_shape + i * kLanes, kLanes, *problem_->options.taylor_quinney_factor * share);
   }
 }
 
@@ -212,54 +181,10 @@ std::unique_ptr<StepOperators> make_operators(const Problem& problem, double dt,
 }
 
 std::shared_ptr<const StepOperators> Model::operators(double dt) const {
-  const auto make = [problem = static_cast<const Problem*>(impl_.get()), dt](int times) {
-    return make_operators(*problem, dt, times);
-  };
+  const auto make = [problem = problem_.get(), dt](int times) { return make_operators(*problem, dt, times); };
   std::unique_ptr<StepOperators> operators = make(0);
-  if (impl_->options.tolerance) operators->allow_halving(most_times_halved(dt), make);
+  if (problem_->options.tolerance) operators->allow_halving(most_times_halved(dt), make);
   return operators;
-}
-
-void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
-                    TileOutputs& outputs) const {
-  advance_tile(*impl_, operators, inputs, committed, trial, outputs);
-}
-
-struct DividedStep::Impl {
-  explicit Impl(const Problem& of) : problem(of), accepted(of.layout.doubles) {}
-  const Problem& problem;
-  std::vector<double> accepted;
-  std::optional<DividedTile> step;
-};
-
-DividedStep::DividedStep(const Model& model) : impl_(std::make_unique<Impl>(*model.impl_)) {}
-DividedStep::DividedStep(DividedStep&&) noexcept = default;
-DividedStep::~DividedStep() = default;
-
-void DividedStep::begin(const StepOperators& operators, const TileInputs& inputs, const double* committed,
-                        double* trial, TileOutputs& outputs) {
-  impl_->step.emplace(impl_->problem, operators, inputs, committed, trial, outputs, impl_->accepted.data());
-}
-
-bool DividedStep::run(double work) {
-  return impl_->step->run(work);
-}
-
-void Model::record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
-                          const double* committed, const double* trial, TileLedger& ledger) const {
-  physics::record_energy(*impl_, operators.dt(), inputs, outputs, committed, trial, ledger);
-}
-
-bool Model::can_linearise(const ModelOptions& options) {
-  return physics::can_linearise(options);
-}
-void Model::linearise(const StepOperators& operators, const TileInputs& inputs, const double* committed,
-                      const double* trial, TileOutputs& outputs) const {
-  physics::linearise(*impl_, operators, inputs, committed, trial, outputs);
-}
-void Model::predict_melting(const StepOperators& operators, const TileInputs& inputs, const double* committed,
-                            TileOutputs& outputs) const {
-  physics::predict_melting(*impl_, inputs, operators.dt(), committed, outputs);
 }
 
 }  // namespace shearbus::physics

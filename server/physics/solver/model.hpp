@@ -18,6 +18,8 @@ namespace shearbus::physics {
 // unit flux (DLP 26-35). One object per step length, shared by all nodes and threads.
 class StepOperators;
 
+struct Problem;  // the constant part of a model (problem.hpp)
+
 // The vertices of a profile, in ascending z; the same for all nodes of a model.
 struct ProfileGrid {
   std::vector<double> position;  // z; below 0 in a conducting hard body  [m]
@@ -95,8 +97,7 @@ class Model {
 
  private:
   friend class DividedStep;
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  std::unique_ptr<const Problem> problem_;
 };
 
 // One step of a tile at a time, as by Model::advance, but in pieces: for a model with a tolerance, whose steps are

@@ -1,8 +1,10 @@
 // Options of a model, which a scene chooses.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "server/physics/interface/friction.hpp"
 #include "server/physics/interface/junctions.hpp"
@@ -103,6 +105,11 @@ inline bool nodes_sleep(const ModelOptions& options) {
 // the flow of a step as constant, so that a step with slip or flow is one of backward Euler (METHODS.md).
 bool only_open_is_second_order(const ModelOptions& options);
 
+// Velocity-driven: whether the jump is slip of the interface, and the host's own shear drives the layer, DLP (64).
+inline bool jump_is_slip(const ModelOptions& options) {
+  return options.strategy == Strategy::kVelocityDriven && options.drive == Drive::kInterfaceSlip;
+}
+
 // Whether a friction law acts at the interface.
 inline bool has_friction(const ModelOptions& options) {
   return options.strategy == Strategy::kForceDriven || options.friction_coefficient.has_value();
@@ -111,5 +118,8 @@ inline bool has_friction(const ModelOptions& options) {
 // Returns the options with the given tolerance and with the grid, heat method and time integrator chosen for that
 // tolerance (METHODS.md).
 ModelOptions discretised(ModelOptions options, double tolerance);
+// Describes the grid and the methods of a model with a tolerance for the user, in one sentence. `modes`: number of heat
+// modes, 0 with a temperature profile.
+std::string discretisation_of(const ModelOptions& options, std::size_t modes);
 
 }  // namespace shearbus::physics

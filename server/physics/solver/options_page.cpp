@@ -1,5 +1,3 @@
-#include "server/physics/solver/options_page.hpp"
-
 #include <string_view>
 
 #include "server/physics/interface/friction_laws.hpp"

@@ -96,7 +96,7 @@ std::span<const Part> parts() {
   return kParts;
 }
 const Part& part_of(Property property) {
-  return kParts[static_cast<std::size_t>(property)];
+  return part_of_table(property);
 }
 std::string unique_key(const Part& part) {
   std::string name(part.key);
@@ -150,10 +150,6 @@ std::span<const Properties> choices() {
 bool go_together(const Part& a, const Part& b, std::span<const Exclusion> exclusions) {
   if (exclusion_of(a.property, b.property, exclusions) != nullptr) return false;
   return (a.property < b.property ? b : a).goes_with.has((a.property < b.property ? a : b).property);
-}
-
-std::vector<Refusal> refusals(const ModelOptions& options) {
-  return refusals(options, kParts, kExclusions);
 }
 
 std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,

@@ -62,6 +62,16 @@ class Properties {
     other.bits_ |= bits_;
     return other;
   }
+  constexpr Properties operator-(Properties other) const {
+    other.bits_ = bits_ & ~other.bits_;
+    return other;
+  }
+  // Those that come before p in the order of Property.
+  static constexpr Properties before(Property p) {
+    Properties all;
+    all.bits_ = bit(p) - 1;
+    return all;
+  }
   constexpr bool has(Property p) const { return (bits_ & bit(p)) != 0; }
   constexpr bool empty() const { return bits_ == 0; }
   constexpr void add(Property p) { bits_ |= bit(p); }
@@ -124,11 +134,9 @@ struct Refusal {
   std::string remedy;  // one sentence: the change that removes this reason
 };
 
-// All reasons why a model with these options cannot be made; empty if it can.
-std::vector<Refusal> refusals(const ModelOptions& options);
-// For tests: all reasons why a model cannot be made if `parts` and `exclusions` were the tables of parts_table.hpp.
-std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,
-                              std::span<const Exclusion> exclusions);
+// All reasons why a model with these options cannot be made; empty if it can. Tests ask with other tables.
+std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> rows = parts(),
+                              std::span<const Exclusion> excluded = exclusions());
 
 // Whether the properties of two parts may be on together: no exclusion names both, and the part that comes later in the
 // table of parts_table.hpp lists the other property in goes_with.
@@ -142,6 +150,9 @@ bool goes_with(Property property, const ModelOptions& options);
 // Returns the options with a part switched on or off. Options with a tolerance get grid and methods chosen anew for the
 // tolerance.
 ModelOptions switched(ModelOptions options, const Part& part, bool on);
+
+// The page of the options in Markdown, printed by `shearbus-ctl options` from these tables and the lists of laws.
+std::string options_page();
 
 // Thrown by Model's constructor; what() is the text of all refusals, one per line.
 class RefusedOptions : public std::invalid_argument {

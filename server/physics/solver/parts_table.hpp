@@ -54,18 +54,13 @@ inline void give_typical_melting(Material& metal) {
 // The melt of aluminium, roughly: latent heat and viscosity near its melting temperature.
 inline constexpr MeltFilmOptions kTypicalMelt{.latent_heat = 4e5, .viscosity = 1e-3, .activation_energy = 0.0};
 
-// Sets of properties, each used by several entries of kParts.
+// Sets of properties, each used by several entries of kParts. Parts that change only the strength in the search for the
+// stress of a step (flow laws, pressure, melting), or that treat a step as a whole (sleep, tolerance), go with all
+// strategies, drives, limits and contact options before them.
 inline constexpr Properties kEitherStrategy{kVelocityDriven, kForceDriven};
 inline constexpr Properties kEitherHardBody{kConductingHardBody, kFixedHeatShare};
 inline constexpr Properties kFlow{kFirstOrderFlow, kFlowWithPressureTerm};
 inline constexpr Properties kUnderPressure{kMeltingCurve, kCompressedPressureTerm};
-// Strategies, drives, limits and contact options. With each, a step finds one stress at given temperatures; parts
-// that change only the strength in this search (flow laws, pressure, melting), or that treat a step as a whole (sleep,
-// tolerance), are therefore compatible with all of them.
-inline constexpr Properties kStepOfALayer =
-    kEitherStrategy | kEitherHardBody |
-    Properties{kInterfaceSlip, kCoulombLimit, kPlasticLayer, kJunctions, kSlipDependentFriction};
-
 // Not inline: next to sanitizers GCC finds no address in what other files may define to be constant.
 constexpr std::array kParts = {
     Part{.property = kVelocityDriven,
@@ -88,10 +83,7 @@ constexpr std::array kParts = {
     Part{.property = kInterfaceSlip,
          .key = "velocity_driven.drive",
          .value = "\"interface_slip\"",
-         .is_on =
-             [](const ModelOptions& o) {
-               return o.strategy == Strategy::kVelocityDriven && o.drive == Drive::kInterfaceSlip;
-             },
+         .is_on = jump_is_slip,
          .set = [](ModelOptions& o, bool on) { o.drive = on ? Drive::kInterfaceSlip : Drive::kLayerShear; },
          .goes_with = {kVelocityDriven},
          .needs = {kVelocityDriven},
@@ -145,7 +137,7 @@ constexpr std::array kParts = {
          .value = "true",
          .is_on = [](const ModelOptions& o) { return o.inertia; },
          .set = [](ModelOptions& o, bool on) { o.inertia = on; },
-         .goes_with = kEitherStrategy | kEitherHardBody | Properties{kCoulombLimit, kPlasticHeating},
+         .goes_with = Properties::before(kInertia) - Properties{kInterfaceSlip},
          .needs = {kFlowingLayer},
          .equation = "DLP (36)",
          .adds = "the layer has mass: shear waves cross it",
@@ -166,8 +158,7 @@ constexpr std::array kParts = {
          .key = "junctions",
          .is_on = [](const ModelOptions& o) { return o.junctions.has_value(); },
          .set = [](ModelOptions& o, bool on) { o.junctions = on ? std::optional(typical_junctions(o)) : std::nullopt; },
-         .goes_with = kEitherStrategy | kEitherHardBody |
-                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kInertia, kPlasticLayer},
+         .goes_with = Properties::before(kJunctions),
          .equation = "DLP (49)-(54)",
          .adds = "real contact through junctions that harden with the slip",
          .when = "rough contact, small slip",
@@ -178,18 +169,17 @@ constexpr std::array kParts = {
              [](const ModelOptions& o) {
                return has_friction(o) && properties_of(o.interface.friction_law).depends_on_slip();
              },
-         .goes_with = kEitherStrategy | kEitherHardBody |
-                      Properties{kInterfaceSlip, kCoulombLimit, kPlasticHeating, kInertia, kPlasticLayer, kJunctions},
+         .goes_with = Properties::before(kSlipDependentFriction),
          .law_with = "friction law that depends on slip"},
     Part{.property = kFirstOrderFlow,
          .key = "soft.flow_law",
          .is_on = [](const ModelOptions& o) { return properties_of(o.soft.flow_law).first_order_in_time; },
-         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kInertia},
+         .goes_with = Properties::before(kFirstOrderFlow),
          .law_with = "flow law whose stress follows the mean rate of a step"},
     Part{.property = kFlowWithPressureTerm,
          .key = "soft.flow_law",
          .is_on = [](const ModelOptions& o) { return properties_of(o.soft.flow_law).has_pressure_term; },
-         .goes_with = kStepOfALayer | Properties{kPlasticHeating, kInertia, kFirstOrderFlow},
+         .goes_with = Properties::before(kFlowWithPressureTerm),
          .law_with = "flow law with a pressure term"},
     Part{.property = kMeltingCurve,
          .key = "soft.melting_curve",
@@ -197,7 +187,7 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.soft.melting_curve == MeltingCurve::kLindemann; },
          .set = [](ModelOptions& o,
                    bool on) { o.soft.melting_curve = on ? MeltingCurve::kLindemann : MeltingCurve::kConstant; },
-         .goes_with = kStepOfALayer | kFlow | Properties{kPlasticHeating, kInertia},
+         .goes_with = Properties::before(kMeltingCurve),
          .equation = "Lindemann; Steinberg, Cochran, Guinan 1980",
          .adds = "the melting temperature follows the compression",
          .when = "above some 5 GPa",
@@ -208,7 +198,7 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.soft.pressure_term != PressureTerm::kLinear; },
          .set = [](ModelOptions& o,
                    bool on) { o.soft.pressure_term = on ? PressureTerm::kCompressed : PressureTerm::kLinear; },
-         .goes_with = kStepOfALayer | kFlow | Properties{kPlasticHeating, kInertia, kMeltingCurve},
+         .goes_with = Properties::before(kCompressedPressureTerm),
          .needs = {kFlowWithPressureTerm},
          .equation = "Steinberg, Cochran, Guinan 1980",
          .adds = "the gain of strength with pressure follows the compression",
@@ -220,7 +210,7 @@ constexpr std::array kParts = {
          .is_on = [](const ModelOptions& o) { return o.time_integrator == TimeIntegrator::kSdirk2; },
          .set = [](ModelOptions& o,
                    bool on) { o.time_integrator = on ? TimeIntegrator::kSdirk2 : TimeIntegrator::kBackwardEuler; },
-         .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kPlasticHeating, kInertia},
+         .goes_with = Properties::before(kSecondOrder),
          .equation = "Alexander 1977",
          .adds = "second order in time, two stages a step",
          .when = "few, long steps; tolerances below 1e-2",
@@ -241,7 +231,7 @@ constexpr std::array kParts = {
          .value = "true",
          .is_on = [](const ModelOptions& o) { return o.sleep; },
          .set = [](ModelOptions& o, bool on) { o.sleep = on; },
-         .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kPlasticHeating, kSecondOrder, kModes},
+         .goes_with = Properties::before(kSleep) - Properties{kInertia},
          .equation = "METHODS.md",
          .adds = "nodes at rest, open or stuck, are not solved; the answers differ by rounding only",
          .when = "contacts that stick for long, velocity-driven or with a plastic layer",
@@ -257,7 +247,7 @@ constexpr std::array kParts = {
                o.time_integrator = TimeIntegrator::kBackwardEuler;
                o.modes.reset();
              },
-         .goes_with = kStepOfALayer | kFlow | kUnderPressure | Properties{kSecondOrder, kModes, kSleep},
+         .goes_with = Properties::before(kTolerance) - Properties{kPlasticHeating, kInertia},
          .equation = "METHODS.md",
          .adds = "the model chooses cells, grading and methods, cuts each node's step until its error is below the "
                  "tolerance, and reports the estimate",
@@ -268,9 +258,7 @@ constexpr std::array kParts = {
          .value = "2",
          .is_on = [](const ModelOptions& o) { return o.tangential_components == 2; },
          .set = [](ModelOptions& o, bool on) { o.tangential_components = on ? 2 : 1; },
-         .goes_with = kEitherStrategy | kEitherHardBody | kFlow | kUnderPressure |
-                      Properties{kCoulombLimit, kPlasticHeating, kPlasticLayer, kJunctions, kSlipDependentFriction,
-                                 kSecondOrder, kModes, kSleep, kTolerance},
+         .goes_with = Properties::before(kTwoComponents) - Properties{kInterfaceSlip, kInertia},
          .equation = "MODEL.md, \"Two tangential components\"",
          .adds = "slip and stress are vectors in the interface",
          .when = "hosts in three dimensions",
@@ -281,15 +269,12 @@ constexpr std::array kParts = {
              [](const ModelOptions& o) {
                return has_friction(o) && properties_of(o.interface.friction_law).depends_on_temperature;
              },
-         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
-                      Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kSleep, kTolerance, kTwoComponents},
+         .goes_with = Properties::before(kTemperatureDependentFriction),
          .law_with = "friction law that depends on temperature"},
     Part{.property = kFrictionWithState,
          .key = "interface.friction_law",
          .is_on = [](const ModelOptions& o) { return has_friction(o) && !states_of(o.interface.friction_law).empty(); },
-         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
-                      Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kTolerance, kTwoComponents,
-                                 kTemperatureDependentFriction},
+         .goes_with = Properties::before(kFrictionWithState) - Properties{kSleep},
          .law_with = "friction law with a state of its own"},
     Part{.property = kIsothermalEnd,
          .key = "layer.far_boundary",
@@ -304,9 +289,7 @@ constexpr std::array kParts = {
                o.grid.far_boundary = on ? FarBoundary::kIsothermal : FarBoundary::kInsulated;
                if (o.hard_grid) o.hard_grid->far_boundary = o.grid.far_boundary;
              },
-         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
-                      Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kSleep, kTolerance, kTwoComponents,
-                                 kTemperatureDependentFriction, kFrictionWithState},
+         .goes_with = Properties::before(kIsothermalEnd),
          .equation = "T(h) = T_start",
          .adds = "the far face of a body keeps the temperature of the start, so that a sliding layer becomes steady",
          .when = "thin layers between baths, as in molecular dynamics",
@@ -320,10 +303,7 @@ constexpr std::array kParts = {
                if (on && !std::isfinite(o.soft.simon_pressure)) give_typical_melting(o.soft);
                choose_melting_curve(o.soft, on ? MeltingCurve::kSimon : MeltingCurve::kConstant);
              },
-         .goes_with =
-             kStepOfALayer | kFlow |
-             Properties{kPlasticHeating, kInertia, kCompressedPressureTerm, kSecondOrder, kModes, kSleep, kTolerance,
-                        kTwoComponents, kTemperatureDependentFriction, kFrictionWithState, kIsothermalEnd},
+         .goes_with = Properties::before(kSimonMelting) - Properties{kMeltingCurve},
          .equation = "Simon, Glatzel 1929",
          .adds = "the melting temperature follows a measured curve T0 (1 + P/a)^(1/c)",
          .when = "metals with a measured melting curve; T0 is then that of the curve, not that of the flow law",
@@ -344,17 +324,12 @@ constexpr std::array kParts = {
          .key = "soft.flow_law",
          .is_on =
              [](const ModelOptions& o) { return !has_constant(o.soft.flow_law, &Material::temperature_coefficient); },
-         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
-                      Properties{kPlasticHeating, kInertia, kSecondOrder, kModes, kSleep, kTolerance, kTwoComponents,
-                                 kTemperatureDependentFriction, kFrictionWithState, kIsothermalEnd, kSimonMelting},
+         .goes_with = Properties::before(kFlowWithoutBracket) - Properties{kMeltFilm},
          .law_with = "flow law without the linear softening of DLP (15)"},
     Part{.property = kFlowingLayer,
          .key = "strategy",
          .is_on = [](const ModelOptions& o) { return o.strategy == Strategy::kVelocityDriven || o.plastic_layer; },
-         .goes_with = kStepOfALayer | kFlow | kUnderPressure |
-                      Properties{kPlasticHeating, kInertia, kSecondOrder, kSleep, kTolerance, kTwoComponents,
-                                 kTemperatureDependentFriction, kFrictionWithState, kIsothermalEnd, kSimonMelting,
-                                 kFlowWithoutBracket}},
+         .goes_with = Properties::before(kFlowingLayer) - Properties{kModes, kMeltFilm}},
     Part{.property = kVaryingHeat,
          .key = "soft.thermal_conductivity_slope_per_k",
          .value = "-2e-4",
@@ -366,11 +341,7 @@ constexpr std::array kParts = {
                o.hard.conductivity_slope = o.hard.specific_heat_slope = kNotGiven;
                o.heat_tables = on ? typical_heat_tables() : nullptr;
              },
-         .goes_with = kEitherStrategy | kFlow | kUnderPressure |
-                      Properties{kInterfaceSlip, kCoulombLimit, kConductingHardBody, kPlasticHeating, kInertia,
-                                 kPlasticLayer, kJunctions, kSlipDependentFriction, kSecondOrder, kSleep, kTolerance,
-                                 kTwoComponents, kTemperatureDependentFriction, kFrictionWithState, kIsothermalEnd,
-                                 kSimonMelting, kFlowWithoutBracket, kFlowingLayer},
+         .goes_with = Properties::before(kVaryingHeat) - Properties{kFixedHeatShare, kModes, kMeltFilm},
          .equation = "k (1 + a (T - 300 K)) or a table, c likewise",
          .adds = "conductivity and heat capacity follow the temperature",
          .when = "metals that warm by hundreds of kelvins, of which both are known",

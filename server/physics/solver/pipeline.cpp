@@ -2,27 +2,28 @@
 
 #include <algorithm>
 #include <limits>
+#include <memory>
+#include <optional>
+#include <vector>
 
+#include "server/physics/solver/around/interface_frame.hpp"
 #include "server/physics/solver/around/sleep.hpp"
+#include "server/physics/solver/around/tolerance.hpp"
 #include "server/physics/solver/around/varying_heat.hpp"
-#include "server/physics/solver/divided_tile.hpp"
-#include "server/physics/solver/force_driven/flowing_step.hpp"
-#include "server/physics/solver/force_driven/stages.hpp"
-#include "server/physics/solver/force_driven/step.hpp"
-#include "server/physics/solver/melting/film_step.hpp"
+#include "server/physics/solver/melting/phase_change.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
-#include "server/physics/solver/velocity_driven/at_rest.hpp"
-#include "server/physics/solver/velocity_driven/balance.hpp"
-#include "server/physics/solver/velocity_driven/inertia.hpp"
-#include "server/physics/solver/velocity_driven/stages.hpp"
 
 namespace shearbus::physics {
 namespace {
 
+// Whether not only open contacts take steps of second order.
+bool all_is_second_order(const ModelOptions& options) {
+  return options.time_integrator == TimeIntegrator::kSdirk2 && !only_open_is_second_order(options);
+}
+
 AdvanceTile solver_of(const ModelOptions& options) {
-  const bool sdirk2 = options.time_integrator == TimeIntegrator::kSdirk2;
-  const bool second_order = sdirk2 && !only_open_is_second_order(options);
+  const bool second_order = all_is_second_order(options);
   if (options.inertia) return second_order ? advance_with_inertia_sdirk2 : advance_with_inertia;
   if (options.strategy == Strategy::kVelocityDriven)
     return second_order ? advance_velocity_driven_sdirk2 : advance_velocity_driven;
@@ -31,10 +32,9 @@ AdvanceTile solver_of(const ModelOptions& options) {
   return second_order ? advance_force_driven_sdirk2 : advance_force_driven;
 }
 
-RestRules rest_of(const ModelOptions& options) {
-  if (options.melt_film) return {melting_step_at_rest, nullptr};
-  if (options.strategy == Strategy::kVelocityDriven) return {velocity_driven_step_at_rest, velocity_driven_may_rest};
-  return {force_driven_step_at_rest, nullptr};
+StepAtRest* step_at_rest_of(const ModelOptions& options) {
+  if (options.melt_film) return melting_step_at_rest;
+  return options.strategy == Strategy::kVelocityDriven ? velocity_driven_step_at_rest : force_driven_step_at_rest;
 }
 
 // Writes 0 for each lane whose outputs are finite, else NaN. A plain loop, which vectorises.
@@ -108,7 +108,7 @@ void advance_once(const Problem& problem, const StepOperators& operators, const 
   if (problem.heat_varies) {
     advance_varying(problem, operators.dt(), solve, inputs, committed, trial, outputs);
   } else if (problem.basis) {
-    advance_with_sleep(problem, operators, {solve, rest_of(problem.options)}, inputs, committed, trial, outputs);
+    advance_with_sleep(problem, operators, solve, step_at_rest_of(problem.options), inputs, committed, trial, outputs);
   } else {
     solve(problem, operators, inputs, committed, trial, outputs);
   }
@@ -125,8 +125,8 @@ void advance_first_order(const Problem& problem, const StepOperators& operators,
 AdvanceTile first_order_of(const Problem& problem) {
   const ModelOptions& options = problem.options;
   const bool sheared = options.strategy == Strategy::kVelocityDriven && options.drive == Drive::kLayerShear;
-  const bool second_order = options.time_integrator == TimeIntegrator::kSdirk2 && !only_open_is_second_order(options);
-  return sheared && second_order && !problem.basis && !problem.heat_varies ? advance_first_order : nullptr;
+  return sheared && all_is_second_order(options) && !problem.basis && !problem.heat_varies ? advance_first_order
+                                                                                           : nullptr;
 }
 
 // The stress that a force-driven step answers is its mean already: the momentum balance (61) takes it as constant over
@@ -138,40 +138,69 @@ void answer_mean_stress(const Problem& problem, const TileInputs& inputs, TileOu
     std::copy_n(outputs.second_shear_stress, kLanes, outputs.second_mean_shear_stress);
 }
 
+// One step of a tile under a tolerance, which may be interrupted between two substeps: the first two links of the
+// chain, frame and tolerance. All arguments must live until the step is done.
+struct DividedTile {
+  // `accepted_states`: memory of one tile.
+  DividedTile(const Problem& problem_of_model, const StepOperators& operators, const TileInputs& tile,
+              const double* committed, double* trial_states, TileOutputs& out, double* accepted_states)
+      : problem(problem_of_model),
+        inputs(tile),
+        trial(trial_states),
+        outputs(out),
+        frame(problem, operators, inputs, committed),
+        step(problem, operators, advance_once, first_order_of(problem), frame.inputs(), committed, trial, outputs,
+             accepted_states) {}
+
+  bool run(double work) {
+    if (!step.run(work)) return false;
+    frame.leave(trial, outputs);
+    answer_mean_stress(problem, inputs, outputs);
+    return true;
+  }
+
+  const Problem& problem;
+  const TileInputs& inputs;
+  double* trial;
+  TileOutputs& outputs;
+  InterfaceFrame frame;
+  ControlledStep step;
+};
+
 }  // namespace
 
-DividedTile::DividedTile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                         const double* committed, double* trial, TileOutputs& outputs, double* accepted)
-    : problem_(problem),
-      inputs_(inputs),
-      trial_(trial),
-      outputs_(outputs),
-      frame_(problem, operators, inputs, committed),
-      step_(problem, operators, advance_once, first_order_of(problem), frame_.inputs(), committed, trial, outputs,
-            accepted) {}
+struct DividedStep::Impl {
+  explicit Impl(const Problem& of) : problem(of), accepted(of.layout.doubles) {}
+  const Problem& problem;
+  std::vector<double> accepted;
+  std::optional<DividedTile> step;
+};
 
-bool DividedTile::run(double work) {
-  if (!step_.run(work)) return false;
-  frame_.leave(trial_, outputs_);
-  answer_mean_stress(problem_, inputs_, outputs_);
-  return true;
+DividedStep::DividedStep(const Model& model) : impl_(std::make_unique<Impl>(*model.problem_)) {}
+DividedStep::DividedStep(DividedStep&&) noexcept = default;
+DividedStep::~DividedStep() = default;
+
+void DividedStep::begin(const StepOperators& operators, const TileInputs& inputs, const double* committed,
+                        double* trial, TileOutputs& outputs) {
+  impl_->step.emplace(impl_->problem, operators, inputs, committed, trial, outputs, impl_->accepted.data());
 }
 
-void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                  const double* committed, double* trial, TileOutputs& outputs) {
+bool DividedStep::run(double work) {
+  return impl_->step->run(work);
+}
+
+void Model::advance(const StepOperators& operators, const TileInputs& inputs, const double* committed, double* trial,
+                    TileOutputs& outputs) const {
+  const Problem& problem = *problem_;
   if (problem.options.tolerance) {
     DividedTile(problem, operators, inputs, committed, trial, outputs,
                 scratch_tile(Scratch::kAccepted, problem.layout.doubles))
         .run(std::numeric_limits<double>::infinity());
     return;
   }
-  if (InterfaceFrame::differs(problem.options)) {
-    const InterfaceFrame frame(problem, operators, inputs, committed);
-    advance_once(problem, operators, frame.inputs(), committed, trial, outputs);
-    frame.leave(trial, outputs);
-  } else {
-    advance_once(problem, operators, inputs, committed, trial, outputs);
-  }
+  const InterfaceFrame frame(problem, operators, inputs, committed);
+  advance_once(problem, operators, frame.inputs(), committed, trial, outputs);
+  frame.leave(trial, outputs);
   answer_mean_stress(problem, inputs, outputs);
 }
 
@@ -189,32 +218,20 @@ void keep_lane(const Problem& problem, const TileInputs& inputs, const double* c
                TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   copy_lane(committed, trial, layout.doubles, lane);
-  outputs.shear_stress[lane] = committed[layout.shear_stress + lane];
+  const Regime regime = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
+  write_answer(
+      {{committed[layout.shear_stress + lane], 0.0, inputs.velocity_jump[lane], 0.0, regime}, 0.0, 0.0, kFailed},
+      layout, lane, trial, outputs);
   if (inputs.wants_mean_stress) {
     outputs.mean_shear_stress[lane] = outputs.shear_stress[lane];
     const std::size_t far = (layout.num_stress_vertices - 1) * kLanes;  // 0 without inertia
     outputs.mean_far_stress[lane] = committed[layout.shear_stress + far + lane];
   }
-  outputs.sliding_velocity[lane] = 0.0;
-  outputs.velocity_jump_new[lane] = inputs.velocity_jump[lane];
   outputs.interface_temperature[lane] = interface_temperature(problem, committed, lane);
-  outputs.friction_heat[lane] = 0.0;
   if (problem.options.melt_film) outputs.film_thickness[lane] = film_thickness(problem, committed, lane);
-  outputs.regime[lane] = static_cast<Regime>(static_cast<int>(committed[layout.regime + lane]));
-  outputs.outcome[lane] = kFailed;
 }
 
-double interface_temperature(const Problem& problem, const double* tile, int lane) {
-  return problem.basis ? interface_temperature_with_sleep(problem, tile, lane)
-                       : tile[problem.layout.temperature + lane];
+double Model::interface_temperature(const double* tile, int lane) const {
+  return physics::interface_temperature(*problem_, tile, lane);
 }
-
-StoredHeat stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered) {
-  const std::size_t first = problem.layout.first_temperature();
-  StoredHeat stored = problem.basis ? stored_heat_with_sleep(problem, committed, trial, entered)
-                                    : stored_in_rows(problem, committed + first, trial + first, entered);
-  if (problem.options.melt_film) add_latent_heat(problem, committed, trial, stored.soft);
-  return stored;
-}
-
 }  // namespace shearbus::physics

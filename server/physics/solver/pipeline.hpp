@@ -5,21 +5,9 @@
 // Only pipeline.cpp asks which links a model has and which solver it uses.
 #pragma once
 
-#include "server/physics/solver/around/ledger.hpp"
-#include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/solvers.hpp"
 
 namespace shearbus::physics {
-
-// Type of each link of the chain: a step of the active lanes from `committed` to `trial`, with their `outputs`.
-using AdvanceTile = void (*)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
-                             double* trial, TileOutputs& outputs);
-
-// Takes one step of a tile through the chain: frame, tolerance, sleep, solver. Writes the whole of
-// `trial`; inactive lanes and lanes for which no answer was found (outcome kFailed) keep their state. The step of a
-// model with a tolerance may also be computed in pieces (divided_tile.hpp).
-void advance_tile(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                  const double* committed, double* trial, TileOutputs& outputs);
 
 // Takes the step of some lanes in memory of its own, since `solve` writes whole rows of a tile.
 void advance_aside(AdvanceTile solve, const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
@@ -28,12 +16,5 @@ void advance_aside(AdvanceTile solve, const Problem& problem, const StepOperator
 // Fills in a lane without an answer: the outcome kFailed and the old state.
 void keep_lane(const Problem& problem, const TileInputs& inputs, const double* committed, double* trial, int lane,
                TileOutputs& outputs);
-
-// Interface temperature T0 of a lane, awake or asleep  [K].
-double interface_temperature(const Problem& problem, const double* tile, int lane);
-
-// Growth of the heat stored in the bodies over a step, whether a lane sleeps or not. `entered`: friction heat of the
-// step, [lane]  [J/m2].
-StoredHeat stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered);
 
 }  // namespace shearbus::physics

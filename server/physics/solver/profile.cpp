@@ -1,10 +1,10 @@
-#include "server/physics/solver/profile.hpp"
-
+// The layer of one node, vertex by vertex, as its state has it: for pictures and comparison, no part of a step.
 #include <algorithm>
 #include <limits>
 #include <vector>
 
 #include "server/physics/solver/around/sleep.hpp"
+#include "server/physics/solver/problem.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -22,11 +22,12 @@ std::vector<double> depths_of(const GridOptions& options, std::size_t vertices, 
 
 }  // namespace
 
-bool keeps_profile(const Problem& problem) {
-  return !problem.modes;
+bool Model::keeps_profile() const {
+  return !problem_->modes;
 }
 
-ProfileGrid profile_grid(const Problem& problem) {
+ProfileGrid Model::profile_grid() const {
+  const Problem& problem = *problem_;
   const HeatGrid& heat = problem.heat_grid;
   ProfileGrid grid{.position = std::vector<double>(heat.weight.size()),
                    .width = {heat.weight.begin(), heat.weight.end()}};
@@ -41,7 +42,8 @@ ProfileGrid profile_grid(const Problem& problem) {
   return grid;
 }
 
-void read_profile(const Problem& problem, const double* tile, int lane, double pressure, const ProfileRows& rows) {
+void Model::profile(const double* tile, int lane, double pressure, const ProfileRows& rows) const {
+  const Problem& problem = *problem_;
   constexpr double kOutside = std::numeric_limits<double>::quiet_NaN();
   const TileLayout& layout = problem.layout;
   const std::size_t vertices = problem.heat_grid.weight.size();

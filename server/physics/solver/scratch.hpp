@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
 namespace shearbus::physics {
 
@@ -20,6 +21,11 @@ enum class Scratch {
   kVarying
 };
 
-double* scratch_tile(Scratch use, std::size_t doubles);
+inline double* scratch_tile(Scratch use, std::size_t doubles) {
+  thread_local std::vector<double> tiles[static_cast<std::size_t>(Scratch::kVarying) + 1];
+  std::vector<double>& tile = tiles[static_cast<std::size_t>(use)];
+  if (tile.size() < doubles) tile.resize(doubles);
+  return tile.data();
+}
 
 }  // namespace shearbus::physics

@@ -94,6 +94,10 @@ class TileLayout : public StateList {
   std::size_t least_strain_at_rest =
       add("least_strain_at_rest", "1", nodes_sleep(*options_) && num_strain_vertices > 0);
 
+  // Distance in doubles to the rows of the next tile where tiles stand one behind the other, each with both its
+  // buffers, as in the server's shard. Elsewhere memory is asked for in vain, which changes no answer.
+  std::ptrdiff_t distance_to_next_tile() const { return 2 * static_cast<std::ptrdiff_t>(doubles); }
+
   // Offset of the first of the states hard_temperature, heat_modes and temperature (some of which may be absent).
   std::size_t first_temperature() const { return temperature - (num_hard_vertices + num_heat_modes) * kLanes; }
 };

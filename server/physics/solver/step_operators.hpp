@@ -40,15 +40,15 @@ class StepOperators {
     for (int k = 1; k <= halvings; ++k) shorter_modes_.emplace_back(modes.num_rows(), dt *= 0.5);
   }
 
-  const HeatOperator& heat() const { return *heat_; }
-  const ModeOperator& modes() const { return *modes_; }
   // The heat operator of a step of length dt / 2^k. Thread-safe, without allocation.
-  const HeatOperator& heat_halved(int k) const {
+  const HeatOperator& heat(int k = 0) const {
+    if (k == 0) return *heat_;
     Shorter<HeatOperator>& shorter = shorter_[static_cast<std::size_t>(k) - 1];
     std::call_once(shorter.made, [&] { shorter.heat.factorise(*bodies_.grid, *bodies_.soft, *bodies_.hard); });
     return shorter.heat;
   }
-  const ModeOperator& modes_halved(int k) const {
+  const ModeOperator& modes(int k = 0) const {
+    if (k == 0) return *modes_;
     Shorter<ModeOperator>& shorter = shorter_modes_[static_cast<std::size_t>(k) - 1];
     std::call_once(shorter.made, [&] { shorter.heat.fill(*all_modes_); });
     return shorter.heat;

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "server/physics/solver/velocity_driven/inertia.hpp"
+#include "server/physics/solver/velocity_driven/inertia_stage.hpp"
 #include "tests/support/invariants/answered.hpp"
 #include "tests/support/invariants/broken.hpp"
 #include "tests/support/physics_rig.hpp"

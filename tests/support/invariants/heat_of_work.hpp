@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "server/physics/solver/velocity_driven/inertia.hpp"
+#include "server/physics/solver/velocity_driven/inertia_stage.hpp"
 #include "tests/support/invariants/answered.hpp"
 #include "tests/support/invariants/broken.hpp"
 

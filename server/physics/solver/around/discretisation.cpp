@@ -1,5 +1,3 @@
-#include "server/physics/solver/around/discretisation.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <string>

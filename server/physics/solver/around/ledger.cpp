@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/around/sleep.hpp"
 #include "server/physics/solver/around/varying_heat.hpp"
-#include "server/physics/solver/pipeline.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -92,8 +92,9 @@ StoredHeat stored_in_rows(const Problem& problem, const double* T_old, const dou
   return stored;
 }
 
-void record_energy(const Problem& problem, double dt, const TileInputs& inputs, const TileOutputs& outputs,
-                   const double* committed, const double* trial, TileLedger& ledger) {
+void Model::record_energy(const StepOperators& operators, const TileInputs& inputs, const TileOutputs& outputs,
+                          const double* committed, const double* trial, TileLedger& ledger) const {
+  const Problem& problem = *problem_;
   const TileLayout& layout = problem.layout;
   const ModelOptions& options = problem.options;
   const double spring = options.strategy == Strategy::kVelocityDriven
@@ -120,7 +121,7 @@ void record_energy(const Problem& problem, double dt, const TileInputs& inputs, 
                                     0.0, inputs.second_soft_plastic_strain_rate[lane]);
       elastic += spring * (t - t_old) * (t + t_old);
     }
-    const double work = failed ? 0.0 : power * dt;
+    const double work = failed ? 0.0 : power * operators.dt();
     const double plastic = std::abs(size) * plastic_slips[lane];
     const double heat = outputs.friction_heat[lane];
 

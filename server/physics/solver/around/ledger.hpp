@@ -1,5 +1,5 @@
-// The energy ledger of a step (MODEL.md, "Energy ledger"), computed from the states before and after the step and only
-// on request.
+// The heat stored in a step, for the energy ledger (MODEL.md, "Energy ledger"), which is computed from the states
+// before and after the step and only on request.
 #pragma once
 
 #include <array>
@@ -17,9 +17,5 @@ struct StoredHeat {
 // Growth of the heat stored in the bodies, from the temperatures of the vertices (or the modes) before and after a
 // step, [vertex or mode][lane]. Not for sleeping nodes. `entered`: friction heat of the step, [lane]  [J/m2].
 StoredHeat stored_in_rows(const Problem& problem, const double* T_old, const double* T_new, const double* entered);
-
-// Writes the active lanes of `ledger` and leaves the others alone. Terms in [J/m2].
-void record_energy(const Problem& problem, double dt, const TileInputs& inputs, const TileOutputs& outputs,
-                   const double* committed, const double* trial, TileLedger& ledger);
 
 }  // namespace shearbus::physics

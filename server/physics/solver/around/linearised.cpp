@@ -1,5 +1,5 @@
-#include "server/physics/solver/around/linearised.hpp"
-
+// The linearised answer of a solved step (MODEL.md, "Linearised answer"): derivatives of the stress by inputs of the
+// host, and the time to melting.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -10,8 +10,8 @@
 #include "server/physics/material/strength.hpp"
 #include "server/physics/solver/contact.hpp"
 #include "server/physics/solver/force_driven/interface_step.hpp"
-#include "server/physics/solver/pipeline.hpp"
-#include "server/physics/solver/velocity_driven/elastic_trial.hpp"
+#include "server/physics/solver/problem.hpp"
+#include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::physics {
 namespace {
@@ -101,7 +101,7 @@ Tangent of_interface(const Problem& problem, const StepOperators& operators, con
   const double slip = std::abs(outputs.sliding_velocity[lane]);
   const double a = std::abs(trial[problem.layout.shear_stress + lane]);
   const ContactState state = contact_before(problem, committed, lane);
-  const double least = least_slip(problem, path);
+  const double least = problem.layout.num_friction_states > 0 ? path.least_slip() : 0.0;
   const auto limit_at = [&](double P, double asked, double v) {
     const Material soft = at_pressure(problem.options.soft, P);
     StressLimit contact = contact_limit(problem, soft, P, dt, state, nullptr);
@@ -131,15 +131,18 @@ bool slips_under_constant_limit(const ModelOptions& options) {
 
 }  // namespace
 
-bool can_linearise(const ModelOptions& options) {
+// If one balance gives one stress, at the end of an undivided step.
+bool Model::can_linearise(const ModelOptions& options) {
   return !options.tolerance && options.time_integrator == TimeIntegrator::kBackwardEuler &&
          options.tangential_components == 1 && !options.inertia && !options.plastic_layer && !options.melt_film &&
          !options.taylor_quinney_factor && !conducts_by_temperature(options) && options.drive == Drive::kLayerShear &&
          (options.strategy == Strategy::kForceDriven || slips_under_constant_limit(options));
 }
 
-void linearise(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-               const double* committed, const double* trial, TileOutputs& outputs) {
+// 0 where the answer has none: in open contacts, and in lanes that failed or whose step was divided into substeps.
+void Model::linearise(const StepOperators& operators, const TileInputs& inputs, const double* committed,
+                      const double* trial, TileOutputs& outputs) const {
+  const Problem& problem = *problem_;
   for (const int lane : lanes_of(inputs.active)) {
     Tangent tangent;
     if ((outputs.outcome[lane] & (kFailed | kSubstepped)) == 0 && outputs.regime[lane] != Regime::kOpen) {
@@ -152,13 +155,14 @@ void linearise(const Problem& problem, const StepOperators& operators, const Til
   }
 }
 
-void predict_melting(const Problem& problem, const TileInputs& inputs, double dt, const double* committed,
-                     TileOutputs& outputs) {
+// Until T0 reaches T_melt if it goes on rising at the mean rate of the step; infinity where T0 does not rise.
+void Model::predict_melting(const StepOperators& operators, const TileInputs& inputs, const double* committed,
+                            TileOutputs& outputs) const {
   for (const int lane : lanes_of(inputs.active)) {
     const double T0 = outputs.interface_temperature[lane];
-    const double rise = T0 - interface_temperature(problem, committed, lane);
-    const double left = at_pressure(problem.options.soft, inputs.pressure[lane]).melting_temperature - T0;
-    outputs.time_to_melting[lane] = rise > 0.0 && left > 0.0 ? dt * left / rise
+    const double rise = T0 - interface_temperature(committed, lane);
+    const double left = at_pressure(problem_->options.soft, inputs.pressure[lane]).melting_temperature - T0;
+    outputs.time_to_melting[lane] = rise > 0.0 && left > 0.0 ? operators.dt() * left / rise
                                     : left > 0.0             ? std::numeric_limits<double>::infinity()
                                                              : 0.0;
   }

@@ -7,6 +7,7 @@
 
 #include "server/physics/layer/heat_basis.hpp"
 #include "server/physics/material/strength.hpp"
+#include "server/physics/solver/melting/phase_change.hpp"
 #include "server/physics/solver/scratch.hpp"
 
 namespace shearbus::physics {
@@ -56,11 +57,11 @@ bool surely_at_rest(const Problem& problem, const Material& soft, double pressur
 }
 
 // The step of a sleeping lane; empty where heat or flow wakes the lane.
-std::optional<RestingStep> step_at_rest(const Problem& problem, const StepOperators& operators, const RestRules& rest,
-                                        const TileInputs& inputs, const double* committed, const Material& soft,
-                                        double T0, int lane) {
+std::optional<LaneResult> step_at_rest(const Problem& problem, const StepOperators& operators, StepAtRest* at_rest,
+                                       const TileInputs& inputs, const double* committed, const Material& soft,
+                                       double T0, int lane) {
   const TileLayout& layout = problem.layout;
-  const std::optional<RestingStep> found = rest.step(problem, operators, inputs, committed, soft, T0, lane);
+  const std::optional<LaneResult> found = at_rest(problem, operators, inputs, committed, soft, T0, lane);
   if (found && layout.hottest_at_rest != TileLayout::kAbsent) {
     const bool can_flow = layout.least_strain_at_rest != TileLayout::kAbsent;
     const WeakestVertex weakest{committed[layout.hottest_at_rest + lane],
@@ -71,13 +72,13 @@ std::optional<RestingStep> step_at_rest(const Problem& problem, const StepOperat
   return found;
 }
 
-// Whether a solved step brought neither heat nor flow, so that step_at_rest would have given the same answer.
-bool rested(const Problem& problem, const RestRules& rest, const TileInputs& inputs, const TileOutputs& outputs,
-            int lane) {
+// Whether a solved step brought neither heat nor flow, so that step_at_rest would have given the same answer. Where the
+// jump is slip a step under a jump may start from the yield stress instead of the old one.
+bool rested(const Problem& problem, const TileInputs& inputs, const TileOutputs& outputs, int lane) {
   if (outputs.friction_heat[lane] != 0.0 || (outputs.outcome[lane] & ~kOutsideDomain) != 0) return false;
   const Regime regime = outputs.regime[lane];
   return regime == Regime::kOpen ||
-         (regime == Regime::kStick && (rest.may_rest == nullptr || rest.may_rest(problem, inputs, lane)));
+         (regime == Regime::kStick && !(jump_is_slip(problem.options) && inputs.velocity_jump[lane] != 0.0));
 }
 
 // A copy of the committed tile in which the waking lanes hold temperatures again instead of amplitudes.
@@ -90,11 +91,12 @@ const double* waking_tile(const Problem& problem, std::uint32_t waking, const do
 }
 
 void write_sleeping_lane(const Problem& problem, const TileInputs& inputs, const double* committed,
-                         const RestingStep& resting, double T0, int num_live, int lane, double* trial,
+                         const LaneResult& resting, double T0, int num_live, int lane, double* trial,
                          TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const LaneStep& step = resting.step;
-  write_answer({step, 0.0, 0.0, static_cast<std::uint8_t>(kAsleep | resting.outcome)}, layout, lane, trial, outputs);
+  write_answer(resting, layout, lane, trial, outputs);
+  outputs.outcome[lane] |= kAsleep;
   if (layout.stress_rate != TileLayout::kAbsent) trial[layout.stress_rate + lane] = 0.0;
   if (layout.sticking != TileLayout::kAbsent) trial[layout.sticking + lane] = step.sticks ? 1.0 : 0.0;
   trial[layout.resting + lane] = committed[layout.resting + lane] + 1.0;
@@ -109,11 +111,11 @@ void write_sleeping_lane(const Problem& problem, const TileInputs& inputs, const
 
 // Counts the steps at rest of a lane that was solved and puts the lane to sleep after enough of them. A lane that might
 // flow stays awake, and its count starts again.
-void count_rest(const Problem& problem, const RestRules& rest, const TileInputs& inputs, const double* committed,
-                const Material& soft, int lane, double* trial, const TileOutputs& outputs) {
+void count_rest(const Problem& problem, const TileInputs& inputs, const double* committed, const Material& soft,
+                int lane, double* trial, const TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const double before = asleep(layout, committed, lane) ? 0.0 : committed[layout.resting + lane];
-  const double steps = rested(problem, rest, inputs, outputs, lane) ? before + 1.0 : 0.0;
+  const double steps = rested(problem, inputs, outputs, lane) ? before + 1.0 : 0.0;
   WeakestVertex weakest{};
   bool sleeps = steps >= problem.steps_before_sleep;
   if (sleeps && layout.hottest_at_rest != TileLayout::kAbsent) {
@@ -173,7 +175,7 @@ int steps_before_sleep(int num_heat_vertices) {
   return std::max(kLeastStepsBeforeSleep, num_heat_vertices / 4);
 }
 
-double interface_temperature_with_sleep(const Problem& problem, const double* tile, int lane) {
+double interface_temperature(const Problem& problem, const double* tile, int lane) {
   const TileLayout& layout = problem.layout;
   if (!asleep(layout, tile, lane)) return tile[layout.temperature + lane];
   const double* amplitude = tile + layout.first_temperature() + lane;
@@ -193,8 +195,7 @@ void profile_of(const Problem& problem, const double* tile, int lane, double* te
   copy_lane(rows, temperature, static_cast<std::size_t>(problem.heat_grid.num_vertices()) * kLanes, lane);
 }
 
-StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committed, const double* trial,
-                                  const double* entered) {
+StoredHeat stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered) {
   const TileLayout& layout = problem.layout;
   const std::size_t first = layout.first_temperature();
   int num_awake = 0;
@@ -218,10 +219,11 @@ StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committe
     stored.soft[l] = after.soft - before.soft;
     stored.hard[l] = after.hard - before.hard;
   }
+  if (problem.options.melt_film) add_latent_heat(problem, committed, trial, stored.soft);
   return stored;
 }
 
-void advance_with_sleep(const Problem& problem, const StepOperators& operators, const SleepingSolver& solver,
+void advance_with_sleep(const Problem& problem, const StepOperators& operators, AdvanceTile solve, StepAtRest* at_rest,
                         const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
   const HeatBasis& basis = *problem.basis;
@@ -241,13 +243,13 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
   if (sleeping != 0) interface_later(basis, decay, num_live, rows, T0);
 
   // 2. Find the sleeping lanes that stay asleep (`resting`), and their steps.
-  RestingStep at_rest[kLanes];
+  LaneResult steps_at_rest[kLanes];
   std::uint32_t resting = 0;
   const LaneMaterials soft_at(problem.options.soft, inputs);
   for (const int l : lanes_of(sleeping)) {
-    const auto step = step_at_rest(problem, operators, solver.rest, inputs, committed, soft_at(l), T0[l], l);
+    const auto step = step_at_rest(problem, operators, at_rest, inputs, committed, soft_at(l), T0[l], l);
     if (!step) continue;
-    at_rest[l] = *step;
+    steps_at_rest[l] = *step;
     resting |= 1u << l;
   }
 
@@ -258,9 +260,8 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
     others.active = solved;
     const std::uint32_t waking = sleeping & solved;
     const double* from = waking != 0 ? waking_tile(problem, waking, committed) : committed;
-    solver.solve(problem, operators, others, from, trial, outputs);
-    for (const int l : lanes_of(solved))
-      count_rest(problem, solver.rest, inputs, committed, soft_at(l), l, trial, outputs);
+    solve(problem, operators, others, from, trial, outputs);
+    for (const int l : lanes_of(solved)) count_rest(problem, inputs, committed, soft_at(l), l, trial, outputs);
   }
   if (resting == 0) return;
 
@@ -277,7 +278,7 @@ void advance_with_sleep(const Problem& problem, const StepOperators& operators, 
       for (std::ptrdiff_t k = 0; k < basis.num_modes(); ++k) rows_new[k * kLanes + l] *= decay[k];
     }
     const int lives = still_living(living(layout, committed, l), l, rows_new);
-    write_sleeping_lane(problem, inputs, committed, at_rest[l], T0[l], lives, l, trial, outputs);
+    write_sleeping_lane(problem, inputs, committed, steps_at_rest[l], T0[l], lives, l, trial, outputs);
   }
 }
 

@@ -5,10 +5,8 @@
 // temperatures and is solved. Sleep and waking of a lane depend on its own state and inputs alone.
 #pragma once
 
-#include <optional>
-
-#include "server/physics/solver/lane_step.hpp"
-#include "server/physics/solver/pipeline.hpp"
+#include "server/physics/solver/around/ledger.hpp"
+#include "server/physics/solver/solvers.hpp"
 
 namespace shearbus::physics {
 
@@ -22,32 +20,18 @@ inline bool asleep(const TileLayout& layout, const double* tile, int lane) {
 }
 
 // Interface temperature T0 of a lane, asleep or not  [K].
-double interface_temperature_with_sleep(const Problem& problem, const double* tile, int lane);
+double interface_temperature(const Problem& problem, const double* tile, int lane);
 
-// Growth of the heat in the two bodies of each lane (node) over a step, whether the lane sleeps or not  [J/m2].
-StoredHeat stored_heat_with_sleep(const Problem& problem, const double* committed, const double* trial,
-                                  const double* entered);
+// Growth of the heat in the two bodies of each lane (node) over a step, whether the lane sleeps or not. `entered`:
+// friction heat of the step, [lane]  [J/m2].
+StoredHeat stored_heat(const Problem& problem, const double* committed, const double* trial, const double* entered);
 
 // Writes the temperatures of a lane, asleep or not, to `temperature`, [vertex][lane].
 void profile_of(const Problem& problem, const double* tile, int lane, double* temperature);
 
-// The rules by which a strategy steps a lane at rest.
-struct RestRules {
-  // Returns the step of a sleeping lane (node), with the same bits that the solver would find from the same T0, or
-  // nothing if heat or slip wakes the lane. `soft`: the soft material at the pressure of the lane. T0: interface
-  // temperature after the step, without friction  [K].
-  std::optional<RestingStep> (*step)(const Problem&, const StepOperators&, const TileInputs&, const double* committed,
-                                     const Material& soft, double T0, int lane);
-  // Whether a step of a stuck lane may count as rest under the given inputs. Null: every such step may.
-  bool (*may_rest)(const Problem&, const TileInputs&, int lane) = nullptr;
-};
-struct SleepingSolver {
-  AdvanceTile solve;  // steps the lanes that are awake
-  RestRules rest;     // the strategy's rules for lanes at rest
-};
-
-// One step of the active lanes, asleep or awake; the caller fills the other lanes of `trial`.
-void advance_with_sleep(const Problem& problem, const StepOperators& operators, const SleepingSolver& solver,
+// One step of the active lanes, by `solve` if they are awake and by `at_rest` if they sleep; the caller fills the other
+// lanes of `trial`.
+void advance_with_sleep(const Problem& problem, const StepOperators& operators, AdvanceTile solve, StepAtRest* at_rest,
                         const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
 
 }  // namespace shearbus::physics

@@ -32,6 +32,30 @@ constexpr int kHurriedPieces = 64;  // approximate number of substeps that follo
 
 constexpr double kLeastRelaxation = 1e-9;  // smallest fall of the stress, relative, that counts as a relaxation
 
+SubstepAnswer answer_of(const TileOutputs& out, int l) {
+  return {out.shear_stress[l],
+          out.sliding_velocity[l],
+          out.interface_temperature[l],
+          out.velocity_jump_new[l],
+          out.friction_heat[l],
+          out.mean_shear_stress[l],
+          out.regime[l],
+          out.outcome[l]};
+}
+
+// Adds a substep, whose length is the fraction `share` of the step, to the answer of the substeps before it. The
+// force-driven answer is the mean stress, with which the host exchanges momentum; the velocity-driven answer is the
+// stress at the end.
+void add(const SubstepAnswer& next, double share, bool forced, SubstepAnswer& sum) {
+  sum.stress = forced ? sum.stress + share * next.stress : next.stress;
+  sum.slip += share * next.slip;
+  sum.T0 = next.T0;
+  sum.jump_new = next.jump_new;
+  sum.heat += next.heat;
+  sum.regime = next.regime;
+  sum.outcome |= next.outcome;
+}
+
 }  // namespace
 
 ControlledStep::ControlledStep(const Problem& problem, const StepOperators& operators, AdvanceTile advance,
@@ -91,30 +115,6 @@ void ControlledStep::give_up(int l, std::uint8_t outcome) {
   keep_lane(problem_, inputs_, committed_, trial_, l, outputs_);
   outputs_.outcome[l] = outcome;
   outputs_.error_estimate[l] = 0.0;
-}
-
-SubstepAnswer ControlledStep::answer_of(const TileOutputs& out, int l) {
-  return {out.shear_stress[l],
-          out.sliding_velocity[l],
-          out.interface_temperature[l],
-          out.velocity_jump_new[l],
-          out.friction_heat[l],
-          out.mean_shear_stress[l],
-          out.regime[l],
-          out.outcome[l]};
-}
-
-// Adds a substep, whose length is the fraction `share` of the step, to the answer of the substeps before it. The
-// force-driven answer is the mean stress, with which the host exchanges momentum; the velocity-driven answer is the
-// stress at the end.
-void ControlledStep::add(const SubstepAnswer& next, double share, bool forced, SubstepAnswer& sum) {
-  sum.stress = forced ? sum.stress + share * next.stress : next.stress;
-  sum.slip += share * next.slip;
-  sum.T0 = next.T0;
-  sum.jump_new = next.jump_new;
-  sum.heat += next.heat;
-  sum.regime = next.regime;
-  sum.outcome |= next.outcome;
 }
 
 // Solves the whole step of all active lanes in one piece, by backward Euler if the model has both orders.

@@ -49,8 +49,6 @@ class ControlledStep {
     double estimate = 0.0;  // estimated error of T0 after the accepted substeps, relative to the same range as `left`
   };
 
-  static SubstepAnswer answer_of(const TileOutputs& out, int l);
-  static void add(const SubstepAnswer& next, double share, bool forced, SubstepAnswer& sum);
   void begin();
   void relax(const TileOutputs& piece);
   double work_done() const;

@@ -34,7 +34,19 @@ struct Heated {
 // Returns the smallest stress at which a vertex reaches its ceiling limit.tresca g(T), or `a_max` if no vertex does. A
 // stress a heats by the flux q = rise a max(0, c - b a), which must increase with a. `hottest`: on entry the vertex
 // that is hottest without this heat, on return the vertex that limits the stress.
-double ceiling_stress(const StressLimit& limit, const Heated& heated, const FrictionHeating& flux, double a_max,
-                      double guess, int& hottest);
+// Lowers the stress from a_max to the ceiling of the vertex that is the hottest under the stress. A lower stress heats
+// less, so that another vertex may become the hottest: repeats this until the hottest vertex does not change.
+inline double ceiling_stress(const StressLimit& limit, const Heated& heated, const FrictionHeating& flux, double a_max,
+                             double guess, int& hottest) {
+  double a = a_max;
+  for (;;) {
+    const int before = hottest;
+    const double a_before = a;
+    hottest = heated.hottest(flux.rise * (a * flux.slip(a)));
+    if (a < a_max && hottest == before) return a;
+    a = slip_stress(limit, {heated.T(hottest, 0.0), flux.rise * heated.response(hottest), flux.c, flux.b}, a, guess);
+    if (!(a < a_before)) return a;  // ends the iteration also if `a` is not a number
+  }
+}
 
 }  // namespace shearbus::physics

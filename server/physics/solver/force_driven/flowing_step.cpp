@@ -1,5 +1,3 @@
-#include "server/physics/solver/force_driven/flowing_step.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -13,10 +11,9 @@
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/force_driven/substeps.hpp"
 #include "server/physics/solver/pipeline.hpp"
-#include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
-#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/solvers.hpp"
 #include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
@@ -63,28 +60,54 @@ class WorkHeat {
   double dt_;
 };
 
+// What the steps and substeps of the lanes of a tile have in common.
+struct FlowingTile {
+  const Problem& problem;
+  const LaneMaterials& soft_at;
+  const TileInputs& inputs;
+  const WorkHeat* work_heat;  // null: plastic work heats nothing
+  const double* T;            // temperatures of the layer after conduction, [vertex][lane]
+  double* strain;             // plastic strain of the layer, [vertex][lane]: after the step or the last substep
+  double* shape;              // heat shape phi; null without `work_heat`
+};
+
 // The searches of lanes, which run side by side because their flow is summed in one pass.
 struct Searches {
-  const TileInputs& inputs;
-  const LaneMaterials& soft_at;
-  const WorkHeat* work_heat;  // null: plastic work heats nothing
-  const double* B_work;       // B_phi of the step; null without `work_heat`
+  const FlowingTile& tile;
+  const double* B_work;  // B_phi of the step; null without `work_heat`
   FlowingSlip* lanes[kLanes] = {};
   double slip[kLanes] = {};  // plastic slip across the layer, integral(dep), under the loads found  [m]
   int sums[kLanes] = {};     // number of sums of the flow over the layer that each lane has needed
 
-  // Runs the searches of the lanes `active`. On return `strain_new` holds the new strain under the loads found. Each sum
-  // writes the strain, so that a search that ends under the load of its last sum needs no other.
-  void run(const FlowProblem& layers, std::uint32_t active, double* strain_new) {
-    LayerFlow flow(layers, scratch_tile(Scratch::kFlow, LayerFlow::size_of_rows(*layers.grid)));
+  // Runs the searches of the lanes `active` in a step with the operator `heat` from the strain `strain_old`. If the
+  // layer hardens, the strain of the tile is the new strain under the loads found. Each sum writes the strain, so that
+  // a search that ends under the load of its last sum needs no other.
+  void run(const HeatOperator& heat, const double* strain_old, std::uint32_t active) {
+    if (active != 0 && hardens(tile.problem.options.soft)) sum_flow(heat, strain_old, active);
+    for (const int l : lanes_of(active)) {
+      while (!lanes[l]->done()) lanes[l]->update(0.0);
+    }
+  }
+
+ private:
+  void sum_flow(const HeatOperator& heat, const double* strain_old, std::uint32_t active) {
+    const Grid& grid = tile.problem.grid;
+    const FlowProblem layers{&tile.problem.options.soft,
+                             &grid,
+                             heat.layer_response(),
+                             tile.T,
+                             strain_old,
+                             heat.dt,
+                             tile.work_heat != nullptr ? tile.work_heat->combined() : nullptr};
+    LayerFlow flow(layers, scratch_tile(Scratch::kFlow, LayerFlow::size_of_rows(grid)));
     for (const int l : lanes_of(active)) {
       const LayerLoad& load = lanes[l]->load();
-      flow.load(l, soft_at(l), inputs.pressure[l], load.stress, load.heat_per_stress());
+      flow.load(l, tile.soft_at(l), tile.inputs.pressure[l], load.stress, load.heat_per_stress());
       combine(layers.response, l);
     }
     for (bool moved = true; moved;) {
-      flow.sum(active, strain_new);
-      if (inputs.effort != nullptr) ++inputs.effort->layer_sums;
+      flow.sum(active, tile.strain);
+      if (tile.inputs.effort != nullptr) ++tile.inputs.effort->layer_sums;
       moved = false;
       for (const int l : lanes_of(active)) {
         FlowingSlip& lane = *lanes[l];
@@ -102,110 +125,85 @@ struct Searches {
         const bool changed = load.stress != flow.stress[l] || heating != flow.heating[l] || load.work != work_before;
         moved = moved || changed || !lane.done();
         flow.load(l, load.stress, heating);
-        if (work_heat == nullptr || !changed) continue;
+        if (tile.work_heat == nullptr || !changed) continue;
         combine(layers.response, l);
         flow.forget(l);
       }
     }
     for (const int l : lanes_of(active)) slip[l] = flow.slip[l];
   }
-
- private:
   void combine(const double* B, int l) const {
-    if (work_heat != nullptr) work_heat->combine(lanes[l]->load(), B, B_work, l);
+    if (tile.work_heat != nullptr) tile.work_heat->combine(lanes[l]->load(), B, B_work, l);
   }
 };
 
 // One lane of a tile in a step or its substeps.
 struct FlowingLane {
-  const Problem& problem;
-  const LaneMaterials& soft_at;
-  const Material& soft;
-  const TileInputs& inputs;
-  const WorkHeat* work_heat;  // null: plastic work heats nothing
-  const double* T;            // temperatures of the layer after conduction, [vertex][lane]
-  double* strain;             // plastic strain of the layer, [vertex][lane]: before a substep, then after it
-  double* shape;              // heat shape phi; null without `work_heat`
+  const FlowingTile& tile;
   int lane;
-  ContactState contact;
+  InterfaceStep interface;
   double heat_of_work;  // heat that plastic work has released in the substeps  [J/m2]
   bool peaks_inside;    // the layer may be hottest behind z = 0
-
-  double pressure() const { return inputs.pressure[lane]; }
 
   // The start of a step with the operator `heat`. `strain_old`: plastic strain before the step. `stress_rate`: change of
   // the stress in the step before, along itself, over its length  [Pa/s].
   FlowingStart start(const HeatOperator& heat, const double* strain_old, const FirstVertices& first,
                      const LaneStep& before, double stress_rate, const double* B_work) const {
+    const Problem& problem = tile.problem;
+    const Material& soft = tile.soft_at(lane);
     return {
-        .limit = limit_at_start(heat.dt, before),
+        .limit = interface.limit_after(before, heat.dt),
         .ceiling = strength_ceiling(soft) / kSqrt3,
         .hardens = hardens(soft),
         .first_weight = problem.grid.weight[0],
         .first_strain = strain_old[lane],
         .first_strength = first.strength[lane],
         .first_g = first.g[lane],
-        .layer = {T + lane, heat.layer_response(), 1,
+        .layer = {tile.T + lane, heat.layer_response(), 1,
                   problem.options.hard_grid || peaks_inside ? problem.grid.num_vertices() : 1,
                   B_work != nullptr ? B_work + lane : nullptr},
         .heat_partition = problem.heat_partition,
         .dt = heat.dt,
-        .forcing = forcing_of(inputs, lane),
+        .forcing = forcing_of(tile.inputs, lane),
         .before = before,
         .rise = stress_rate * heat.dt,
         .turns_within = problem.options.tolerance.has_value(),
     };
   }
-  StressLimit limit_at_start(double dt, const LaneStep& before) const {
-    StressLimit limit = contact_limit(problem, soft, pressure(), dt, contact, inputs.effort);
-    if (problem.layout.num_friction_states > 0)
-      limit.least_slip = TrialSlip(forcing_of(inputs, lane), dt, before.jump_new, before.stress).least_slip();
-    return limit;
-  }
 
   // What follows from the answer of a step of length dt: the surplus of plastic slip, the shape of its heat, the
   // contact. `strain_old`: plastic strain before the step.
   void finish(FlowingSlip::Answer& answer, const double* strain_old, double dt, const Heated& layer) {
+    const Grid& grid = tile.problem.grid;
     if (answer.surplus > 0.0)
-      strain[answer.hottest * kLanes + lane] +=
-          answer.surplus / problem.grid.weight[static_cast<std::size_t>(answer.hottest)];
-    if (work_heat != nullptr) {
-      heat_of_work += answer.work * heated_share(problem.grid, shape + lane) * dt;
-      reshape_heat(problem, strain_old + lane, strain + lane, 0.0, shape + lane);
+      tile.strain[answer.hottest * kLanes + lane] +=
+          answer.surplus / grid.weight[static_cast<std::size_t>(answer.hottest)];
+    if (tile.work_heat != nullptr) {
+      heat_of_work += answer.work * heated_share(grid, tile.shape + lane) * dt;
+      reshape_heat(tile.problem, strain_old + lane, tile.strain + lane, 0.0, tile.shape + lane);
     }
-    slip_contact(answer.step, answer.rubs, dt, layer.T(0, answer.step.flux, answer.work));
-  }
-  void slip_contact(LaneStep& step, double slip, double dt, double T0) {
-    if (!problem.options.junctions && problem.layout.num_friction_states == 0) return;
-    if (!advance_contact(contact_limit(problem, soft, pressure(), dt, contact, nullptr), slip, T0, contact))
-      step.stress = std::numeric_limits<double>::quiet_NaN();
+    interface.slip_contact(answer.step, answer.rubs, dt, layer.T(0, answer.step.flux, answer.work));
   }
 
   // Solves one substep, after its conduction. T_all: rows of both bodies, to which the heat of plastic work is added.
   LaneStep substep(const HeatOperator& heat, const LaneStep& before, double* T_all) {
-    if (pressure() <= 0.0) {
-      LaneStep open = open_step(forcing_of(inputs, lane), heat.dt, before.jump_new);
-      slip_contact(open, open.slip, heat.dt, T[lane]);
-      return open;
-    }
+    const TileInputs& inputs = tile.inputs;
+    if (inputs.pressure[lane] <= 0.0) return interface.from(before, heat.dt, 0.0, tile.T[lane]);
+    const WorkHeat* work_heat = tile.work_heat;
     double* B_work = work_heat != nullptr ? work_heat->shorter() : nullptr;
-    if (work_heat != nullptr) work_heat->begin_substep(heat, lane, shape);
-    const std::size_t strains = problem.layout.num_strain_vertices * kLanes;
+    if (work_heat != nullptr) work_heat->begin_substep(heat, lane, tile.shape);
+    const std::size_t strains = tile.problem.layout.num_strain_vertices * kLanes;
     double* strain_old = scratch_tile(Scratch::kStrain, strains);
-    copy_lane(strain, strain_old, strains, lane);
+    copy_lane(tile.strain, strain_old, strains, lane);
     FirstVertices first;
-    find_first_vertices(soft_at, 1u << lane, inputs.pressure, T, strain_old, first);
+    find_first_vertices(tile.soft_at, 1u << lane, inputs.pressure, tile.T, strain_old, first);
     const FlowingStart start_of_step = start(heat, strain_old, first, before, 0.0, B_work);
     FlowingSlip step(start_of_step);
-    Searches search{inputs, soft_at, work_heat, B_work};
+    Searches search{tile, B_work};
     search.lanes[lane] = &step;
-    if (start_of_step.hardens) {
-      search.run({&soft, &problem.grid, heat.layer_response(), T, strain_old, heat.dt,
-                  work_heat != nullptr ? work_heat->combined() : nullptr},
-                 1u << lane, strain);
-      add_work(inputs, lane, flow_work(soft.flow_law) * search.sums[lane] * problem.grid.num_vertices());
-    }
-    while (!step.done()) step.update(0.0);
+    search.run(heat, strain_old, 1u << lane);
+    add_work(inputs, lane,
+             flow_work(tile.soft_at(lane).flow_law) * search.sums[lane] * tile.problem.grid.num_vertices());
     FlowingSlip::Answer answer = step.answer(search.slip[lane]);
     finish(answer, strain_old, heat.dt, start_of_step.layer);
     if (work_heat != nullptr) add_spread_lane(heat, work_heat->spread(), lane, answer.work, B_work, T_all);
@@ -265,14 +263,7 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
   // 2. Start the search for the stress of each lane, and load the layer with the first guess of this stress.
   LaneStep before[kLanes];
   const LaneMaterials soft_at(soft, inputs);
-  const auto lane_at = [&](int l) {
-    return FlowingLane{problem,    soft_at,
-                       soft_at(l), inputs,
-                       work,       T,
-                       strain_new, shape_new,
-                       l,          contact_before(problem, committed, l),
-                       0.0,        contains(inside, l)};
-  };
+  const FlowingTile tile{problem, soft_at, inputs, work, T, strain_new, shape_new};
   const double* B_work = work != nullptr ? work->response() : nullptr;
   struct Search {
     FlowingLane lane;
@@ -283,7 +274,7 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
     Slot() {}
     Search search;
   } slots[kLanes];
-  Searches searches{inputs, soft_at, work, B_work};
+  Searches searches{tile, B_work};
   std::uint32_t closed = 0;
   for (const int l : lanes_of(inputs.active)) closed |= inputs.pressure[l] > 0.0 ? 1u << l : 0u;
   FirstVertices first;
@@ -291,7 +282,8 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
   for (const int l : lanes_of(inputs.active)) {
     before[l] = InterfaceStep::before(layout, inputs, committed, l);
     Search& search = slots[l].search;
-    new (&search.lane) FlowingLane(lane_at(l));
+    new (&search.lane)
+        FlowingLane{tile, l, InterfaceStep(problem, inputs, committed, soft_at(l), l), 0.0, contains(inside, l)};
     if (!contains(closed, l)) continue;
     const double rate = committed[layout.stress_rate + l];
     new (&search.start) FlowingStart(search.lane.start(heat, strain, first, before[l], rate, B_work));
@@ -299,42 +291,32 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
   }
 
   // 3. Find stress, slip, temperature and strain of all lanes together: DLP (48), (61), (64), (65).
-  const bool flows = closed != 0 && hardens(soft);
-  if (!flows || is_one_lane(closed)) std::copy_n(strain, strains, strain_new);
-  if (flows) {
-    const double* spread_response = work != nullptr ? work->combined() : nullptr;
-    searches.run({&soft, &problem.grid, heat.layer_response(), T, strain, heat.dt, spread_response}, closed,
-                 strain_new);
-  }
-  for (const int l : lanes_of(closed)) {
-    while (!searches.lanes[l]->done()) searches.lanes[l]->update(0.0);
-  }
+  if (closed == 0 || !hardens(soft) || is_one_lane(closed)) std::copy_n(strain, strains, strain_new);
+  searches.run(heat, strain, closed);
 
   // 4. Answers, lane by lane. A step that may have several answers is divided into shorter substeps until each has a
   // unique answer or the shortest substeps are reached.
   const double weight = flow_work(soft.flow_law);
   const int halvings = operators.max_halvings();
   double flux[kLanes] = {}, power[kLanes] = {};
-  const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat_halved(k); };
+  const auto heat_of = [&](int k) -> const HeatOperator& { return k == 0 ? heat : operators.heat(k); };
   for (const int l : lanes_of(inputs.active)) {
     FlowingLane& lane = slots[l].search.lane;
-    const bool is_closed = contains(closed, l);
-    FlowingSlip::Answer answer =
-        is_closed ? searches.lanes[l]->answer(searches.slip[l])
-                  : FlowingSlip::Answer{open_step(forcing_of(inputs, l), heat.dt, before[l].jump_new)};
-    LaneStep& whole = answer.step;
-    if (is_closed) {
+    FlowingSlip::Answer answer{};
+    if (contains(closed, l)) {
+      answer = searches.lanes[l]->answer(searches.slip[l]);
       power[l] = answer.work;
       lane.finish(answer, strain, heat.dt, slots[l].search.start.layer);
     } else {
-      lane.slip_contact(whole, whole.slip, heat.dt, T[l]);
+      answer.step = lane.interface.from(before[l], heat.dt, 0.0, T[l]);
     }
+    const LaneStep& whole = answer.step;
     LaneResult result = step_or_divide(
         whole, heat_of, halvings, {l, before[l], n, T_old, T_all},
         [&] {
           copy_lane(strain, strain_new, strains, l);
           if (work_heats) copy_lane(shape, shape_new, strains, l);
-          lane.contact = contact_before(problem, committed, l);
+          lane.interface.contact = contact_before(problem, committed, l);
           lane.heat_of_work = power[l] = 0.0;
         },
         [&](const HeatOperator& shorter, const LaneStep& last) { return lane.substep(shorter, last, T_all); });
@@ -351,7 +333,7 @@ void advance(const Problem& problem, const StepOperators& operators, const HeatO
     trial[layout.stress_rate + l] =
         whole_step ? std::copysign(1.0, result.step.stress) * (result.step.stress - before[l].stress) / heat.dt : 0.0;
     trial[layout.sticking + l] = result.step.sticks ? 1.0 : 0.0;
-    store_contact(problem, lane.contact, trial, l);
+    store_contact(problem, lane.interface.contact, trial, l);
   }
 
   // 5. Add the heat of this step to the temperatures: T = T_ad + q B, and the work times B_phi.

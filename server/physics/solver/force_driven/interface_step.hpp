@@ -7,15 +7,9 @@
 
 #include "server/physics/solver/contact.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
-#include "server/physics/solver/force_driven/sudden_change.hpp"
 #include "server/physics/solver/problem.hpp"
 
 namespace shearbus::physics {
-
-// The least slip velocity for which the friction law is asked.
-inline double least_slip(const Problem& problem, const TrialSlip& trial) {
-  return problem.layout.num_friction_states > 0 ? trial.least_slip() : 0.0;
-}
 
 class InterfaceStep {
  public:
@@ -44,40 +38,40 @@ class InterfaceStep {
 
   // The step of length dt after the step `last`. B0: rise of T0 per heat flux; T_ad: T0 without friction in this step.
   LaneStep from(const LaneStep& last, double dt, double B0, double T_ad) {
-    StressLimit strength = limit(dt);
     LaneStep step = open_step(forcing_, dt, last.jump_new);
-    if (pressure_ > 0.0) {
-      const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
-      strength.least_slip = least_slip(problem_, trial_slip);
-      step = rigid_slip(strength, trial_slip, problem_.heat_partition, B0, T_ad, std::abs(last.stress), last.sticks);
-    }
-    if (!advance_contact(strength, step.slip, T_ad + B0 * step.flux, contact))
-      step.stress = std::numeric_limits<double>::quiet_NaN();
+    if (pressure_ > 0.0)
+      step = rigid_slip(limit_after(last, dt), TrialSlip(forcing_, dt, last.jump_new, last.stress),
+                        problem_.heat_partition, B0, T_ad, std::abs(last.stress), last.sticks);
+    slip_contact(step, step.slip, dt, T_ad + B0 * step.flux);
     return step;
   }
 
-  // Whether a step of the lane may change suddenly, by what needs no limit of the stress.
-  static bool may_change_suddenly(const TileInputs& inputs, int lane, const LaneStep& last, const LaneStep& step,
-                                  double dt) {
-    const TrialSlip trial_slip(forcing_of(inputs, lane), dt, last.jump_new, last.stress);
-    return trial_slip.jump_old < 0.0 || moves_far(trial_slip, last, step);
+  // The limit of the stress in a step of length dt after the step `last`.
+  StressLimit limit_after(const LaneStep& last, double dt) const {
+    StressLimit strength = contact_limit(problem_, soft_, pressure_, dt, contact, effort_);
+    if (problem_.layout.num_friction_states > 0)
+      strength.least_slip = TrialSlip(forcing_, dt, last.jump_new, last.stress).least_slip();
+    return strength;
+  }
+
+  // Updates the contact by the slip velocity `slip` of a step. A law that gives no number leaves the step none.
+  void slip_contact(LaneStep& step, double slip, double dt, double T0) {
+    if (!problem_.options.junctions && problem_.layout.num_friction_states == 0) return;
+    if (!advance_contact(contact_limit(problem_, soft_, pressure_, dt, contact, nullptr), slip, T0, contact))
+      step.stress = std::numeric_limits<double>::quiet_NaN();
   }
 
   // Whether `step`, which from() would return, changes suddenly.
   bool changes_suddenly(const LaneStep& last, const LaneStep& step, double dt, double B0, double T_ad) {
     if (pressure_ <= 0.0) return false;
     const TrialSlip trial_slip(forcing_, dt, last.jump_new, last.stress);
-    StressLimit strength = limit(dt);
-    strength.least_slip = least_slip(problem_, trial_slip);
-    return physics::changes_suddenly(strength, trial_slip, trial_slip.slipping(T_ad, problem_.heat_partition * B0),
-                                     last, step);
+    return physics::changes_suddenly(limit_after(last, dt), trial_slip,
+                                     trial_slip.slipping(T_ad, problem_.heat_partition * B0), last, step);
   }
 
-  ContactState contact;  // states of the contact before the next step or substep; from() updates them
+  ContactState contact;  // states of the contact before the next step or substep; from() and slip_contact() update them
 
  private:
-  StressLimit limit(double dt) const { return contact_limit(problem_, soft_, pressure_, dt, contact, effort_); }
-
   const Problem& problem_;
   const Material& soft_;
   double pressure_;

@@ -55,9 +55,6 @@ struct TrialSlip {
   }
 };
 
-// The regime of an interface that slips, at the interface temperature T0 and the slip velocity `slip`.
-Regime slip_regime(const StressLimit& limit, double T0, double slip);
-
 // The step of a closed contact. `guess`: starting stress of the search  [Pa]. `stuck`: the interface did not slip at
 // the end of the last step.
 LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double heat_partition, double B0, double T_ad,
@@ -65,5 +62,19 @@ LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double 
 
 // The step of an open contact: no stress.
 LaneStep open_step(const Forcing& forcing, double dt, double jump_old);
+
+// A step changes suddenly (its outcome says kSudden) where stress or slip change so much that one step may be far from
+// the answer of shorter steps (MODEL.md, "Force-driven step"): slip that starts near melting, and slip that turns. The
+// jump after the undivided step may then be off by more than this fraction of the larger of the jumps before the step
+// and after a step without friction.
+inline constexpr double kMostSudden = 0.1;
+
+// Whether jump or stress differs by more than that from the state before the step. A step without this changes suddenly
+// only if far stresses turn its slip.
+bool moves_far(const TrialSlip& trial, const LaneStep& before, const LaneStep& step);
+
+// `before`, `step`: the state before the step of a closed interface, and its answer.
+bool changes_suddenly(const StressLimit& strength, const TrialSlip& trial, const FrictionHeating& heating,
+                      const LaneStep& before, const LaneStep& step);
 
 }  // namespace shearbus::physics

@@ -1,5 +1,3 @@
-#include "server/physics/solver/force_driven/stages.hpp"
-
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -7,12 +5,10 @@
 
 #include "server/physics/interface/stress_limit.hpp"
 #include "server/physics/solver/force_driven/rigid_slip.hpp"
-#include "server/physics/solver/force_driven/step.hpp"
 #include "server/physics/solver/force_driven/wide_slip.hpp"
 #include "server/physics/solver/pipeline.hpp"
-#include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/sdirk2.hpp"
-#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/solvers.hpp"
 #include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
@@ -126,7 +122,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   double* T = trial + layout.first_temperature();
   const double* T0 = trial + layout.temperature;
   const LaneMaterials soft(problem.options.soft, inputs);
-  const WideStages stages{WideInterface(problem, inputs, soft, dt, committed), partition, dt};
+  const WideStep stages{WideInterface(problem, inputs, soft, dt, committed), partition, dt};
   const bool wide = stages.interface.has_forms();  // else each lane is searched on its own
   const auto rare = [&](std::uint32_t left, const auto& stage_of) {
     for (const int l : lanes_of(left)) stage_of(StagedLane(problem, inputs, soft(l), l), l);
@@ -136,7 +132,7 @@ void advance(const Problem& problem, const StepOperators& operators, const Heat&
   }
 
   // 1. First stage: conduction, then stress and flux.
-  conduct(first, n, T_old, T, distance_to_next_tile(layout));
+  conduct(first, n, T_old, T, layout.distance_to_next_tile());
   const WideStage early{T0, *first.layer_response(), first.dt};
   StageAnswer early_answer{};
   StageLanes lanes{0, 0, inputs.active};

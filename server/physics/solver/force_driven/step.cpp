@@ -1,14 +1,12 @@
-#include "server/physics/solver/force_driven/step.hpp"
-
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 
 #include "server/physics/solver/force_driven/interface_step.hpp"
 #include "server/physics/solver/force_driven/substeps.hpp"
 #include "server/physics/solver/force_driven/wide_slip.hpp"
-#include "server/physics/solver/problem.hpp"
-#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/solvers.hpp"
 #include "server/physics/solver/work.hpp"
 
 namespace shearbus::physics {
@@ -16,11 +14,11 @@ namespace {
 
 // Makes the step of the lanes that wide_slip() solves, except conduction, and returns these lanes. `remarks`: whether a
 // step that changes suddenly says so.
-std::uint32_t slip_of_tile(const Problem& problem, const WideSlip& slip, bool remarks, const double* committed,
-                           double* trial, TileOutputs& outputs, WideAnswer& answer) {
-  const std::uint32_t found = wide_slip(slip, answer);
+std::uint32_t slip_of_tile(const Problem& problem, const WideStep& wide, const WideStage& whole, bool remarks,
+                           const double* committed, double* trial, TileOutputs& outputs, WideAnswer& answer) {
+  const std::uint32_t found = wide_slip(wide, whole, answer);
   write_answer(problem, answer, found, trial, outputs);
-  const TileInputs& inputs = slip.interface.inputs;
+  const TileInputs& inputs = wide.interface.inputs;
   for (const int l : lanes_of(remarks ? answer.suspects : 0)) {
     const LaneStep step{answer.stress[l],
                         answer.slip[l],
@@ -31,9 +29,8 @@ std::uint32_t slip_of_tile(const Problem& problem, const WideSlip& slip, bool re
                         true,
                         false};
     const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, l);
-    if (InterfaceStep::may_change_suddenly(inputs, l, before, step, slip.dt) &&
-        InterfaceStep(problem, inputs, committed, slip.interface.soft_at(l), l)
-            .changes_suddenly(before, step, slip.dt, slip.B0, slip.T_ad[l]))
+    if (InterfaceStep(problem, inputs, committed, wide.interface.soft_at(l), l)
+            .changes_suddenly(before, step, whole.dt, whole.B0, whole.T_ad[l]))
       outputs.outcome[l] = kSudden;
   }
   if (inputs.work != nullptr) {
@@ -42,10 +39,16 @@ std::uint32_t slip_of_tile(const Problem& problem, const WideSlip& slip, bool re
   return found;
 }
 
-// `heat_of(k)` returns the heat operator of a step of length dt / 2^k.
-template <class HeatOf>
-void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, const TileInputs& inputs,
-             const double* committed, double* trial, TileOutputs& outputs) {
+template <class Heat>
+void advance(const Problem& problem, const StepOperators& operators, const TileInputs& inputs, const double* committed,
+             double* trial, TileOutputs& outputs) {
+  const auto heat_of = [&](int k) -> const Heat& {
+    if constexpr (std::is_same_v<Heat, ModeOperator>)
+      return operators.modes(k);
+    else
+      return operators.heat(k);
+  };
+  const int max_halvings = operators.max_halvings();
   const TileLayout& layout = problem.layout;
   const int n = problem.heat_rows;
   const double* T_old = committed + layout.first_temperature();
@@ -53,7 +56,7 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   const double* T0 = trial + layout.temperature;
 
   // 1. Conduction without friction, all lanes: DLP (28-35).
-  conduct(heat_of(0), n, T_old, T, distance_to_next_tile(layout));
+  conduct(heat_of(0), n, T_old, T, layout.distance_to_next_tile());
 
   // 2. Find stress and slip, DLP (61), (65): of all lanes at once where the model allows it, of the others lane by
   // lane.
@@ -61,10 +64,11 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
   double(&flux)[kLanes] = answer.flux;
   const LaneMaterials soft_at(problem.options.soft, inputs);
   std::uint32_t found = 0;
-  const WideSlip slip{WideInterface(problem, inputs, soft_at, heat_of(0).dt, committed), T0, problem.heat_partition,
-                      *heat_of(0).layer_response(), heat_of(0).dt};
-  if (slip.interface.has_forms())
-    found = slip_of_tile(problem, slip, max_halvings > 0, committed, trial, outputs, answer);
+  const double dt = heat_of(0).dt;
+  const WideStep wide{WideInterface(problem, inputs, soft_at, dt, committed), problem.heat_partition, dt};
+  if (wide.interface.has_forms())
+    found = slip_of_tile(problem, wide, {T0, *heat_of(0).layer_response(), dt}, max_halvings > 0, committed, trial,
+                         outputs, answer);
   for (const int lane : lanes_of(inputs.active & ~found)) {
     InterfaceStep interface_step(problem, inputs, committed, soft_at(lane), lane);
     const ContactState contact_old = interface_step.contact;
@@ -102,20 +106,13 @@ void advance(const Problem& problem, const HeatOf& heat_of, int max_halvings, co
 
 void advance_force_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
                           const double* committed, double* trial, TileOutputs& outputs) {
-  if (problem.modes) {
-    advance(
-        problem, [&](int k) -> const ModeOperator& { return k == 0 ? operators.modes() : operators.modes_halved(k); },
-        operators.max_halvings(), inputs, committed, trial, outputs);
-  } else {
-    advance(
-        problem, [&](int k) -> const HeatOperator& { return k == 0 ? operators.heat() : operators.heat_halved(k); },
-        operators.max_halvings(), inputs, committed, trial, outputs);
-  }
+  const AdvanceTile step = problem.modes ? advance<ModeOperator> : advance<HeatOperator>;
+  step(problem, operators, inputs, committed, trial, outputs);
 }
 
-std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
-                                                     const TileInputs& inputs, const double* committed,
-                                                     const Material& soft, double T0, int lane) {
+std::optional<LaneResult> force_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
+                                                    const TileInputs& inputs, const double* committed,
+                                                    const Material& soft, double T0, int lane) {
   const HeatOperator& heat = operators.heat();
   const LaneStep before = InterfaceStep::before(problem.layout, inputs, committed, lane);
   // Next to a layer that may flow, slip that stops in a step under a tolerance heats or flows.
@@ -127,7 +124,7 @@ std::optional<RestingStep> force_driven_step_at_rest(const Problem& problem, con
   if (!step.unique || step.flux != 0.0 || !(step.regime == Regime::kOpen || step.sticks)) return std::nullopt;
   const bool sudden = operators.max_halvings() > 0 &&
                       interface_step().changes_suddenly(before, step, heat.dt, *heat.layer_response(), T0);
-  return RestingStep{step, sudden ? kSudden : std::uint8_t{0}};
+  return LaneResult{step, 0.0, 0.0, sudden ? kSudden : std::uint8_t{0}};
 }
 
 }  // namespace shearbus::physics

@@ -8,7 +8,6 @@
 #include <variant>
 
 #include "server/physics/interface/friction_laws.hpp"
-#include "server/physics/solver/force_driven/sudden_change.hpp"
 #include "server/physics/solver/sdirk2.hpp"
 
 #define SHEARBUS_KERNELS "server/physics/solver/force_driven/wide_slip_kernel.hpp"
@@ -53,16 +52,16 @@ WideInterface::WideInterface(const Problem& problem, const TileInputs& tile, con
   }
 }
 
-std::uint32_t wide_slip(const WideSlip& slip, WideAnswer& answer) {
-  return SHEARBUS_CALL(slip_step, slip, answer);
+std::uint32_t wide_slip(const WideStep& step, const WideStage& whole, WideAnswer& answer) {
+  return SHEARBUS_CALL(slip_step, step, whole, answer);
 }
 
-StageLanes wide_first_stage(const WideStages& stages, const WideStage& stage, StageAnswer& answer) {
-  return SHEARBUS_CALL(first_stage, stages, stage, answer);
+StageLanes wide_first_stage(const WideStep& step, const WideStage& stage, StageAnswer& answer) {
+  return SHEARBUS_CALL(first_stage, step, stage, answer);
 }
-StageLanes wide_second_stage(const WideStages& stages, const WideStage& stage, const StageAnswer& early,
+StageLanes wide_second_stage(const WideStep& step, const WideStage& stage, const StageAnswer& early,
                              const StageLanes& before, WideAnswer& answer) {
-  return SHEARBUS_CALL(second_stage, stages, stage, early, before, answer);
+  return SHEARBUS_CALL(second_stage, step, stage, early, before, answer);
 }
 
 void write_answer(const Problem& problem, const WideAnswer& answer, std::uint32_t found, double* trial,

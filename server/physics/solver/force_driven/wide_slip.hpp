@@ -52,12 +52,16 @@ struct WideInterface {
 };
 
 // What the steps of the lanes of a tile have in common.
-struct WideSlip {
+struct WideStep {
   WideInterface interface;
-  const double* T_ad;  // interface temperature without friction in this step  [K]
   double heat_partition;
-  double B0;  // rise of T0 per heat flux  [K m2/W]
-  double dt;
+  double dt;  // length of the whole step
+};
+// A step of first order, or a stage of one of second order (stages.cpp).
+struct WideStage {
+  const double* T_ad;  // interface temperature without the heat flux of this stage  [K]
+  double B0;           // rise of T0 per heat flux of this stage  [K m2/W]
+  double dt;           // length of the stage
 };
 
 // The answers of the solved lanes, as LaneStep has them. The flux of all other lanes is 0.
@@ -74,7 +78,7 @@ struct WideAnswer {
 
 // Solves the active lanes and returns those whose answer is unique and was found. The answer of a lane depends on this
 // lane alone.
-std::uint32_t wide_slip(const WideSlip& slip, WideAnswer& answer);
+std::uint32_t wide_slip(const WideStep& step, const WideStage& whole, WideAnswer& answer);
 
 // Writes the answers of the lanes `found` to the tile, except the states and outputs that follow from the temperatures.
 void write_answer(const Problem& problem, const WideAnswer& answer, std::uint32_t found, double* trial,
@@ -84,18 +88,6 @@ void write_answer(const Problem& problem, const WideAnswer& answer, std::uint32_
 // answer may not be unique, or the search fails: rigid_slip() then takes the general way.
 std::optional<LaneStep> quick_slip(const StressLimit& limit, const TrialSlip& trial, double heat_partition, double B0,
                                    double T_ad, double guess);
-
-// What the steps of second order of the lanes of a tile have in common (stages.cpp).
-struct WideStages {
-  WideInterface interface;
-  double heat_partition;
-  double dt;  // length of the whole step
-};
-struct WideStage {
-  const double* T_ad;  // interface temperature without the heat flux of this stage  [K]
-  double B0;           // rise of T0 per heat flux of this stage  [K m2/W]
-  double dt;           // length of the stage
-};
 
 // Largest accepted |stress of a sliding interface - its limit| of a second stage, relative to the stress.
 inline constexpr double kMet = 1e-9;
@@ -112,8 +104,8 @@ struct StageAnswer {
   alignas(64) double stress[kLanes];
   alignas(64) double flux[kLanes];
 };
-StageLanes wide_first_stage(const WideStages& stages, const WideStage& stage, StageAnswer& answer);
-StageLanes wide_second_stage(const WideStages& stages, const WideStage& stage, const StageAnswer& early,
+StageLanes wide_first_stage(const WideStep& step, const WideStage& stage, StageAnswer& answer);
+StageLanes wide_second_stage(const WideStep& step, const WideStage& stage, const StageAnswer& early,
                              const StageLanes& before, WideAnswer& answer);
 
 }  // namespace shearbus::physics

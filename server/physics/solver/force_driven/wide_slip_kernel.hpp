@@ -289,7 +289,8 @@ template <bool kPlain>
 }
 
 template <bool kPlain>
-[[gnu::always_inline]] inline std::uint32_t slip_step_of(const WideSlip& in, WideAnswer& answer) {
+[[gnu::always_inline]] inline std::uint32_t slip_step_of(const WideStep& in, const WideStage& whole,
+                                                         WideAnswer& answer) {
   const TileInputs& host = in.interface.inputs;
   const Interface interface(in.interface);
   [[maybe_unused]] const auto* by_slip = std::get_if<FallsWithSlip>(&in.interface.friction);
@@ -312,7 +313,7 @@ template <bool kPlain>
     const Register jump_old = direction * jump;
     trial[p] = {jump_free, per_stress, direction, jump_old, magnitude(jump_free) / per_stress};
     lanes[p] =
-        interface.template lanes<kPlain>(l, load(in.T_ad + l), in.heat_partition * in.B0,
+        interface.template lanes<kPlain>(l, load(whole.T_ad + l), in.heat_partition * whole.B0,
                                          0.5 * (jump_old + direction * jump_free), 0.5 * per_stress, 1.0, all(0.0));
     Mask wanted = mask_of(host.active >> l) & (pressure > 0.0);
     if constexpr (kPlain) {
@@ -331,7 +332,7 @@ template <bool kPlain>
   std::uint32_t sure = 0, suspects = 0;
   SHEARBUS_EACH_PART {
     const std::ptrdiff_t l = p * kWidth;
-    const Found found = conclude(lanes[p], trial[p], search[p], in.heat_partition, in.B0);
+    const Found found = conclude(lanes[p], trial[p], search[p], in.heat_partition, whole.B0);
     const Mask known = found.sure & mask_of(ended >> l);
     sure |= lanes_where(known) << l;
     suspects |= lanes_where(seems_sudden(lanes[p], trial[p], search[p], bound[p]) & known) << l;
@@ -349,8 +350,8 @@ template <bool kPlain>
   answer.suspects = suspects;
   return sure;
 }
-inline std::uint32_t slip_step(const WideSlip& in, WideAnswer& answer) {
-  return in.interface.is_plain() ? slip_step_of<true>(in, answer) : slip_step_of<false>(in, answer);
+inline std::uint32_t slip_step(const WideStep& in, const WideStage& whole, WideAnswer& answer) {
+  return in.interface.is_plain() ? slip_step_of<true>(in, whole, answer) : slip_step_of<false>(in, whole, answer);
 }
 
 #include "server/physics/solver/force_driven/wide_stages_kernel.hpp"

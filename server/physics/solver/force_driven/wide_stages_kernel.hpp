@@ -23,7 +23,7 @@ template <bool kPlain>
 }
 
 template <bool kPlain>
-[[gnu::always_inline]] inline StageLanes first_stage_of(const WideStages& in, const WideStage& stage,
+[[gnu::always_inline]] inline StageLanes first_stage_of(const WideStep& in, const WideStage& stage,
                                                         StageAnswer& answer) {
   const TileInputs& host = in.interface.inputs;
   const Interface interface(in.interface);
@@ -61,12 +61,12 @@ template <bool kPlain>
   }
   return sets;
 }
-inline StageLanes first_stage(const WideStages& in, const WideStage& stage, StageAnswer& answer) {
+inline StageLanes first_stage(const WideStep& in, const WideStage& stage, StageAnswer& answer) {
   return in.interface.is_plain() ? first_stage_of<true>(in, stage, answer) : first_stage_of<false>(in, stage, answer);
 }
 
 template <bool kPlain>
-[[gnu::always_inline]] inline StageLanes second_stage_of(const WideStages& in, const WideStage& stage,
+[[gnu::always_inline]] inline StageLanes second_stage_of(const WideStep& in, const WideStage& stage,
                                                          const StageAnswer& early, const StageLanes& before,
                                                          WideAnswer& answer) {
   constexpr double kGain = sdirk2::kDiagonal, kKept = sdirk2::kFirstWeight;
@@ -135,7 +135,7 @@ template <bool kPlain>
   }
   return sets;
 }
-inline StageLanes second_stage(const WideStages& in, const WideStage& stage, const StageAnswer& early,
+inline StageLanes second_stage(const WideStep& in, const WideStage& stage, const StageAnswer& early,
                                const StageLanes& before, WideAnswer& answer) {
   return in.interface.is_plain() ? second_stage_of<true>(in, stage, early, before, answer)
                                  : second_stage_of<false>(in, stage, early, before, answer);

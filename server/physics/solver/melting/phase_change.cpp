@@ -14,6 +14,22 @@ constexpr int kNewtonSteps = 20;  // most Newton steps on the phases before the 
 
 }  // namespace
 
+void add_latent_heat(const Problem& problem, const double* committed, const double* trial,
+                     std::array<double, kLanes>& stored) {
+  const double per_volume = problem.options.soft.density * problem.options.melt_film->latent_heat;
+  for (int lane = 0; lane < kLanes; ++lane)
+    stored[static_cast<std::size_t>(lane)] +=
+        per_volume * (film_thickness(problem, trial, lane) - film_thickness(problem, committed, lane));
+}
+
+double film_thickness(const Problem& problem, const double* tile, int lane) {
+  const double* liquid = tile + problem.layout.liquid_fraction + lane;
+  const double* weight = problem.heat_grid.weight.data() + problem.heat_grid.interface;
+  double thickness = 0.0;
+  for (std::size_t i = 0; i < problem.layout.num_vertices; ++i) thickness += weight[i] * liquid[i * kLanes];
+  return thickness;
+}
+
 void PhaseChange::begin(const Problem& problem, const HeatOperator& heat, const Material& soft, const double* committed,
                         int lane) {
   heat_ = &heat;
@@ -188,7 +204,7 @@ bool PhaseChange::extend(double q) {
 }
 
 // Vertices that extend() adds have no solution yet: they keep the phase that it gave them until the next one.
-bool PhaseChange::revise(double q) {
+bool PhaseChange::change_phases(double q, bool of_liquid) {
   const int solved = last_;
   bool changed = extend(q);
   for (int i = 0; i <= solved; ++i) {
@@ -197,12 +213,18 @@ bool PhaseChange::revise(double q) {
     if (old == Phase::kMelting) {
       const double heat = v.latent * fraction(v, q);
       if (heat < -slack_) v.phase = Phase::kSolid;
-      if (heat > v.latent + slack_) v.phase = Phase::kLiquid;
-    } else if (old == Phase::kSolid ? temperature(v, q) > melt_ + slack_ : temperature(v, q) < melt_ - slack_) {
+      if (of_liquid && heat > v.latent + slack_) v.phase = Phase::kLiquid;
+    } else if (old == Phase::kSolid ? temperature(v, q) > melt_ + slack_
+                                    : of_liquid && temperature(v, q) < melt_ - slack_) {
       v.phase = Phase::kMelting;
     }
     changed = changed || v.phase != old;
   }
+  return changed;
+}
+
+bool PhaseChange::revise(double q) {
+  const bool changed = change_phases(q, true);
   if (changed) solve();
   return changed;
 }
@@ -212,12 +234,13 @@ void PhaseChange::settle(double q) {
     if (!revise(q)) return;
   // The search that cannot fail. Without liquid vertices, whose excess of heat stays in melting ones, all temperatures
   // are too low. Each vertex whose liquid fraction exceeds 1 becomes liquid, which warms the others: no vertex ever has
-  // to become solid again.
+  // to become solid again. For given liquid vertices temperatures only fall from the second change of the other phases
+  // on (policy iteration with an M-matrix), so that these end.
   for (Vertex& v : vertex_)
     if (v.phase == Phase::kLiquid) v.phase = Phase::kMelting;
   for (std::size_t sweep = 0; sweep <= vertex_.size(); ++sweep) {
     solve();
-    for (std::size_t inner = 0; inner <= 2 * vertex_.size() && settle_solid(q); ++inner) solve();
+    for (std::size_t inner = 0; inner <= 2 * vertex_.size() && change_phases(q, false); ++inner) solve();
     bool grown = false;
     for (int i = 0; i <= last_; ++i) {
       Vertex& v = vertex_[static_cast<std::size_t>(i)];
@@ -227,21 +250,6 @@ void PhaseChange::settle(double q) {
     }
     if (!grown) return;
   }
-}
-
-// For given liquid vertices: lets solid vertices above T_melt melt and melting ones without liquid freeze. From the
-// second call on temperatures only fall (policy iteration with an M-matrix), so that the calls end.
-bool PhaseChange::settle_solid(double q) {
-  const int solved = last_;
-  bool changed = extend(q);
-  for (int i = 0; i <= solved; ++i) {
-    Vertex& v = vertex_[static_cast<std::size_t>(i)];
-    const Phase old = v.phase;
-    if (old == Phase::kSolid && temperature(v, q) > melt_ + slack_) v.phase = Phase::kMelting;
-    if (old == Phase::kMelting && v.latent * fraction(v, q) < -slack_) v.phase = Phase::kSolid;
-    changed = changed || v.phase != old;
-  }
-  return changed;
 }
 
 void PhaseChange::finish(double q, double* trial) const {

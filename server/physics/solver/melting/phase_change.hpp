@@ -9,12 +9,20 @@
 // (solid, melting, liquid) it is linear, so T and f are affine functions of q.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
 #include "server/physics/solver/problem.hpp"
 
 namespace shearbus::physics {
+
+// Thickness of the melt of one lane: the liquid of all its vertices  [m].
+double film_thickness(const Problem& problem, const double* tile, int lane);
+
+// Adds the growth of the latent heat of the soft body over a step, [lane]  [J/m2].
+void add_latent_heat(const Problem& problem, const double* committed, const double* trial,
+                     std::array<double, kLanes>& stored);
 
 class PhaseChange {
  public:
@@ -62,7 +70,9 @@ class PhaseChange {
   void solve();
   void melt_partly();
   bool extend(double q);
-  bool settle_solid(double q);
+  // Changes the phases that the flux q contradicts, those of liquid vertices and to liquid only if `of_liquid`, without
+  // a new solution. Returns whether there were any.
+  bool change_phases(double q, bool of_liquid);
   double temperature(const Vertex& vertex, double q) const { return vertex.t + q * vertex.t_per_flux; }
   double fraction(const Vertex& vertex, double q) const { return vertex.f + q * vertex.f_per_flux; }
 

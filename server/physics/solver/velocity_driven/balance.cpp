@@ -9,6 +9,7 @@
 #include "server/physics/solver/flow/heated.hpp"
 #include "server/physics/solver/flow/layer_flow.hpp"
 #include "server/physics/solver/flow/plastic_heat.hpp"
+#include "server/physics/solver/lane_step.hpp"
 #include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/step_operators.hpp"
@@ -215,10 +216,6 @@ struct Answer {
   Regime regime;
 };
 
-Regime yielding_at(const Material& soft, double T) {
-  return T >= kMeltingShare * soft.melting_temperature ? Regime::kMelting : Regime::kTresca;
-}
-
 // Computes the sliding velocity [v] and the regime from the solved balance.
 Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane, double layer_slip,
                  double interface_slip, double T_hottest, double jump, double drive, double dt) {
@@ -234,15 +231,10 @@ Answer answer_of(const Problem& problem, const Material& soft, const Lane& lane,
   }
   if (!slips) return {slip, Regime::kStick};
   if (lane.at_bound && lane.bound == Bound::kContact) return {slip, Regime::kCoulomb};
-  return {slip, yielding_at(soft, T_hottest)};
+  return {slip, yielding_regime(soft, T_hottest)};
 }
 
 }  // namespace
-
-void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                             const double* committed, double* trial, TileOutputs& outputs) {
-  solve_balance(problem, operators, {&operators.heat(), operators.dt()}, inputs, committed, trial, outputs);
-}
 
 void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
                    const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs) {
@@ -289,7 +281,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
   for (int l = 0; l < kLanes; ++l) {
     const bool active = contains(inputs.active, l);
     const double pressure = active ? inputs.pressure[l] : 0.0;
-    Sliding* contact = contacts ? &contacts->of[l] : nullptr;
+    Sliding* contact = contacts ? &(*contacts)[l] : nullptr;
     if (active && contact != nullptr) {
       contact->state = contact_before(problem, committed, l);
       contact->limit = contact_limit(problem, soft_at(l), pressure, dt, contact->state, inputs.effort);
@@ -316,7 +308,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
 
   // 4. The root of the balance with the heat law q = beta_T max(s [V], 0) and the plastic flow, DLP (42-48).
   double slip[kLanes] = {};
-  Sliding(*slides)[kLanes] = contacts && problem.options.drive == Drive::kLayerShear ? &contacts->of : nullptr;
+  Contacts* slides = contacts && problem.options.drive == Drive::kLayerShear ? &*contacts : nullptr;
   if (layer_hardens && loaded) {
     LayerFlow flow({&soft, &grid, B, T, strain, dt, B_spread},
                    scratch_tile(Scratch::kFlow, LayerFlow::size_of_rows(grid)));
@@ -353,7 +345,7 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     if (lane.at_bound && lane.bound != Bound::kElastic) {
       const double surplus = std::max(0.0, (lane.a_trial - lane.a) / compliance - layer_slip);
       if (lane.bound == Bound::kCeiling) {
-        const double own = slides != nullptr ? std::min(surplus, contacts->of[l].ceiling_slip * dt / kSqrt3) : 0.0;
+        const double own = slides != nullptr ? std::min(surplus, (*contacts)[l].ceiling_slip * dt / kSqrt3) : 0.0;
         strain_new[lane.hottest * kLanes + l] += (surplus - own) / grid.weight[static_cast<std::size_t>(lane.hottest)];
         layer_slip += surplus - own;
         interface_slip = kSqrt3 * own;
@@ -373,17 +365,16 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
     Answer answer = open ? Answer{jump, Regime::kOpen}
                          : answer_of(problem, soft_at(l), lane, layer_slip, interface_slip, T_hottest, jump,
                                      driving_velocity(problem, inputs, l), dt);
-    outputs.outcome[l] = outside_domain(answer.slip, jump);
+    std::uint8_t outcome = outside_domain(answer.slip, jump);
     double friction = std::numeric_limits<double>::infinity();  // limit of the interface at the old temperature
     if (contacts) {
-      Sliding& own = contacts->of[l];
+      Sliding& own = (*contacts)[l];
       const bool known = open || problem.options.drive == Drive::kInterfaceSlip;
       const double v = known ? std::abs(jump) : interface_slip / dt;
       if (own.ceiling_slip > 0.0 && interface_slip > 0.0) answer.regime = Regime::kCoulomb;
-      if (answer.regime == Regime::kCoulomb && !own.limit.at(T[l], v).is_coulomb)
-        answer.regime = yielding_at(soft_at(l), T[l]);
+      if (answer.regime == Regime::kCoulomb) answer.regime = slip_regime(own.limit, T[l], v);
       friction = own.limit.at(committed[layout.temperature + l], v).stress;
-      if (own.several) outputs.outcome[l] |= kMultipleRoots;
+      if (own.several) outcome |= kMultipleRoots;
       if (!advance_contact(own.limit, v, T[l], own.state)) s = std::numeric_limits<double>::quiet_NaN();
       store_contact(problem, own.state, trial, l);
       if (layout.sticking != TileLayout::kAbsent) trial[layout.sticking + l] = open || v > 0.0 ? 0.0 : 1.0;
@@ -392,23 +383,18 @@ void solve_balance(const Problem& problem, const StepOperators& operators, const
                      .friction(committed[layout.temperature + l])
                      .stress;
     }
-    outputs.shear_stress[l] = s;
-    outputs.sliding_velocity[l] = answer.slip;
-    outputs.interface_temperature[l] = T[l];
-    outputs.velocity_jump_new[l] = jump;
     double flux = flux_of[l];
     if (stage.early_flux != nullptr) flux = sdirk2::kFirstWeight * stage.early_flux[l] + sdirk2::kDiagonal * flux;
-    outputs.friction_heat[l] = flux * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
+    const double heat_of_step = flux * dt * (spreads ? heated_share(grid, shape + l) : 1.0);
+    write_answer({{s, answer.slip, jump, flux, answer.regime}, heat_of_step, 0.0, outcome}, layout, l, trial, outputs);
+    outputs.interface_temperature[l] = T[l];
     if (spreads)
       reshape_heat(problem, strain + l, strain_new + l, interface_slip / kSqrt3, trial + layout.heat_shape + l);
-    outputs.regime[l] = answer.regime;
     if (inputs.wants_mean_stress)
       outputs.mean_shear_stress[l] = open ? 0.0
                                           : mean_stress(problem, soft_at(l), inputs, l, lane, dt, s_start[l], committed,
                                                         trial, friction, layer_slip > 0.0 || interface_slip > 0.0);
-    trial[layout.shear_stress + l] = s;
     trial[layout.stress_rate + l] = layer_slip > 0.0 ? (s - s_start[l]) / dt : 0.0;
-    trial[layout.regime + l] = static_cast<double>(answer.regime);
   }
 }
 

@@ -1,5 +1,4 @@
-// The velocity-driven step (MODEL.md, "Velocity-driven step"): DLP (37), (42-48), (56). The host imposes the velocity
-// jump; the stress follows from the plastic flow of the layer. DLP (56) omits the velocity that shears the layer.
+// The balance of a velocity-driven step: the stress under which elastic shear, plastic flow and slip take the jump.
 #pragma once
 
 #include "server/physics/solver/problem.hpp"
@@ -17,9 +16,5 @@ struct BalanceStage {
 };
 void solve_balance(const Problem& problem, const StepOperators& operators, const BalanceStage& stage,
                    const TileInputs& inputs, const double* committed, double* trial, TileOutputs& outputs);
-
-// One backward Euler step of the active lanes; the caller restores the states of the other lanes of `trial`.
-void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
-                             const double* committed, double* trial, TileOutputs& outputs);
 
 }  // namespace shearbus::physics

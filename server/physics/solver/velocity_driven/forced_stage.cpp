@@ -27,6 +27,10 @@ LeastMasses least_masses(const Problem& problem, double dt) {
   return {mass_of_layer(problem) + rigid / problem.grid.weight.back(), rigid / problem.grid.weight.front()};
 }
 
+LeastMasses Model::least_masses(double dt) const {
+  return physics::least_masses(*problem_, dt);
+}
+
 void follow_host(const Problem& problem, const TileInputs& inputs, double* trial) {
   const TileLayout& layout = problem.layout;
   const std::size_t n = layout.num_velocity_cells - 1;

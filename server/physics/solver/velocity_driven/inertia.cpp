@@ -1,5 +1,3 @@
-#include "server/physics/solver/velocity_driven/inertia.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -12,7 +10,7 @@
 #include "server/physics/solver/pipeline.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/sdirk2.hpp"
-#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/solvers.hpp"
 #include "server/physics/solver/velocity_driven/forced_stage.hpp"
 #include "server/physics/solver/velocity_driven/wave_contacts.hpp"
 #include "server/physics/solver/velocity_driven/waves_heat.hpp"
@@ -34,27 +32,17 @@ Found step_of(const Found& first, const Found& second) {
 }
 
 // An open contact: the layer moves with the soft body without stress, until the contact closes.
-void open_lane(const Problem& problem, double dt, const TileInputs& inputs, const double* committed, double* trial,
-               int l, TileOutputs& outputs) {
+void open_lane(const Problem& problem, double dt, const TileInputs& inputs, double* trial, int l,
+               TileOutputs& outputs) {
   const TileLayout& layout = problem.layout;
-  double jump = inputs.velocity_jump[l], slip = jump;
-  if (is_forced(problem)) {
-    const LaneStep open = open_step(forcing_of(inputs, l), dt, jump);
-    jump = open.jump_new;
-    slip = open.slip;
-  }
+  const double jump = inputs.velocity_jump[l];
+  const LaneStep open = is_forced(problem) ? open_step(forcing_of(inputs, l), dt, jump)
+                                           : LaneStep{0.0, jump, jump, 0.0, Regime::kOpen, false, true, false};
   for (std::size_t i = 0; i < layout.num_stress_vertices; ++i) trial[layout.shear_stress + i * kLanes + l] = 0.0;
-  for (std::size_t i = 0; i < layout.num_velocity_cells; ++i) trial[layout.layer_velocity + i * kLanes + l] = jump;
-  for (std::size_t i = 0; i < layout.num_strain_vertices; ++i) {
-    trial[layout.plastic_strain + i * kLanes + l] = committed[layout.plastic_strain + i * kLanes + l];
-  }
-  outputs.shear_stress[l] = 0.0;
+  for (std::size_t i = 0; i < layout.num_velocity_cells; ++i)
+    trial[layout.layer_velocity + i * kLanes + l] = open.jump_new;
+  write_answer({open}, layout, l, trial, outputs);
   if (inputs.wants_mean_stress) outputs.mean_shear_stress[l] = outputs.mean_far_stress[l] = 0.0;
-  outputs.sliding_velocity[l] = slip;
-  outputs.velocity_jump_new[l] = jump;
-  outputs.friction_heat[l] = 0.0;
-  outputs.regime[l] = Regime::kOpen;
-  outputs.outcome[l] = 0;
 }
 
 // The mechanical state from which the step of the closed lanes starts. A contact that closes finds the layer moving with
@@ -90,7 +78,6 @@ void answer_forced(double dt, const TileInputs& inputs, const Found& found, int 
 // stress there, works against another stress than the interface's. Without stress at z = 0 it is the whole slip.
 void answer_lane(const Problem& problem, double dt, const TileInputs& inputs, const Found& found, const double* trial,
                  int l, double hottest, TileOutputs& outputs) {
-  const double melts_at = kMeltingShare * at_pressure(problem.options.soft, inputs.pressure[l]).melting_temperature;
   const double stress = trial[problem.layout.shear_stress + l];
   const bool carries = std::abs(stress) >= kNoStress;
   const double slip = (carries && stress < 0.0 ? 0.0 : found.slip_along[0]) / dt -
@@ -105,10 +92,10 @@ void answer_lane(const Problem& problem, double dt, const TileInputs& inputs, co
   }
   const bool moves =
       is_forced(problem) ? found.slip_along[0] + found.slip_along[1] > 0.0 || found.mean_slip != 0.0 : slip != 0.0;
-  outputs.regime[l] = !moves                  ? Regime::kStick
-                      : found.interface_slips ? Regime::kCoulomb
-                      : hottest >= melts_at   ? Regime::kMelting
-                                              : Regime::kTresca;
+  outputs.regime[l] = !moves ? Regime::kStick
+                      : found.interface_slips
+                          ? Regime::kCoulomb
+                          : yielding_regime(at_pressure(problem.options.soft, inputs.pressure[l]), hottest);
   outputs.outcome[l] = outside_domain(slip, inputs.velocity_jump[l]);
   if (is_forced(problem)) answer_forced(dt, inputs, found, l, outputs);
   if (found.several) outputs.outcome[l] |= kMultipleRoots;
@@ -135,9 +122,7 @@ void close_contact(const Problem& problem, const WaveContacts::Lane& contact, co
   const bool open = outputs.regime[l] == Regime::kOpen;
   const double T0 = trial[layout.temperature + l];
   const double slip = std::abs(open ? outputs.sliding_velocity[l] : found.interface_slip);
-  if (outputs.regime[l] == Regime::kCoulomb && !contact.limit.at(T0, slip).is_coulomb)
-    outputs.regime[l] =
-        T0 >= kMeltingShare * contact.limit.soft->melting_temperature ? Regime::kMelting : Regime::kTresca;
+  if (outputs.regime[l] == Regime::kCoulomb) outputs.regime[l] = slip_regime(contact.limit, T0, slip);
   ContactState state = contact.state;
   if (!advance_contact(contact.limit, slip, T0, state))  // the caller keeps the state of a lane with such an answer
     outputs.shear_stress[l] = std::numeric_limits<double>::quiet_NaN();
@@ -169,7 +154,7 @@ std::uint32_t start_lanes(const Problem& problem, double dt, const TileInputs& i
   std::uint32_t closed = inputs.active;
   for (const int l : lanes_of(inputs.active)) {
     if (inputs.pressure[l] > 0.0) continue;
-    open_lane(problem, dt, inputs, committed, trial, l, outputs);
+    open_lane(problem, dt, inputs, trial, l, outputs);
     closed &= ~(1u << l);
   }
   return closed;

@@ -1,4 +1,4 @@
-// One stage of the step of layers with inertia (inertia.hpp): backward Euler for waves, plastic flow, heat and contact
+// One stage of the step of layers with inertia (inertia.cpp): backward Euler for waves, plastic flow, heat and contact
 // together, MODEL.md, "Layer inertia".
 #pragma once
 
@@ -8,6 +8,9 @@
 #include "server/physics/solver/step_operators.hpp"
 
 namespace shearbus::physics {
+
+// A stress at z = 0 below this one, which only a layer that melts there has, is no stress: rounding decides its sign.
+inline constexpr double kNoStress = 1.0;  // [Pa]
 
 // What a stage, or a step of two stages, has found in one lane.
 struct Found {

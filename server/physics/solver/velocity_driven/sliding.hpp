@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -48,9 +49,7 @@ struct Sliding {
 
   SlipPoint point(double a, double slip) const { return {a, T_ad + T_per_stress * a, slip}; }
 };
-struct Contacts {
-  Sliding of[kLanes];
-};
+using Contacts = std::array<Sliding, kLanes>;
 
 // The largest stress of an interface whose slip is known or does not matter: the root of the limit at the temperature
 // that the stress causes. With INTERFACE_SLIP the jump is the slip. Infinity where slide() has to find the slip.
@@ -68,7 +67,7 @@ inline double limit_without_slip(const Problem& problem, const Material& soft, d
 // interface sticks while it can, a slipping one takes the answer with the most slip. The stress falls from that of
 // the sticking interface, and with it the flow; the interface slips by what elastic shear and flow leave of the jump.
 // `flow`: the flow of the layer; null if it does not harden, and flows at its ceiling only.
-inline void slide(LayerFlow* flow, double compliance, double dt, Lane (&lanes)[kLanes], Sliding (&sliding)[kLanes],
+inline void slide(LayerFlow* flow, double compliance, double dt, Lane (&lanes)[kLanes], Contacts& sliding,
                   double* strain_new) {
   const auto slip_under = [&](int l, double a) {
     return std::max(0.0, kSqrt3 / dt * ((lanes[l].a_trial - a) / compliance - (flow != nullptr ? flow->slip[l] : 0.0)));

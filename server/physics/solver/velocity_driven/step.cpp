@@ -1,15 +1,21 @@
-#include "server/physics/solver/velocity_driven/stages.hpp"
+#include <cmath>
 
+#include "server/physics/solver/contact.hpp"
 #include "server/physics/solver/pipeline.hpp"
-#include "server/physics/solver/problem.hpp"
 #include "server/physics/solver/sdirk2.hpp"
-#include "server/physics/solver/step_operators.hpp"
+#include "server/physics/solver/solvers.hpp"
 #include "server/physics/solver/velocity_driven/balance.hpp"
+#include "server/physics/solver/velocity_driven/elastic_trial.hpp"
 
 namespace shearbus::physics {
 
 using sdirk2::begin_second_stage;
 using sdirk2::lanes_out_of_range;
+
+void advance_velocity_driven(const Problem& problem, const StepOperators& operators, const TileInputs& inputs,
+                             const double* committed, double* trial, TileOutputs& outputs) {
+  solve_balance(problem, operators, {&operators.heat(), operators.dt()}, inputs, committed, trial, outputs);
+}
 
 // Only the conduction of heat is approximated in time; the balance of elastic strain, plastic flow and slip is exact
 // over a step of any length. Both stages therefore start from the old stress and strain. The first stage covers gamma
@@ -36,6 +42,28 @@ void advance_velocity_driven_sdirk2(const Problem& problem, const StepOperators&
   // 3. Lanes (nodes) whose extrapolated temperatures are out of range take a step of backward Euler instead.
   advance_aside(advance_velocity_driven, problem, operators, inputs, fallen_back, committed, trial, outputs);
   for (const int l : lanes_of(fallen_back)) outputs.outcome[l] |= kFirstOrder;
+}
+
+std::optional<LaneResult> velocity_driven_step_at_rest(const Problem& problem, const StepOperators& operators,
+                                                       const TileInputs& inputs, const double* committed,
+                                                       const Material& soft, double T0, int lane) {
+  const double jump = inputs.velocity_jump[lane];
+  const double pressure = inputs.pressure[lane];
+  const auto resting = [jump](double stress, double slip, Regime regime, bool sticks) {
+    return LaneResult{{stress, slip, jump, 0.0, regime, sticks, true, false}, 0.0, 0.0, outside_domain(slip, jump)};
+  };
+  if (pressure <= 0.0) return resting(0.0, jump, Regime::kOpen, false);
+  const ElasticTrial trial = elastic_trial(problem, soft, inputs, lane, operators.dt(),
+                                           stress_before(problem.layout, inputs, committed, lane));
+  const double limit =
+      contact_limit(problem, soft, pressure, operators.dt(), contact_before(problem, committed, lane), nullptr)
+          .at(T0)
+          .stress;
+  if (trial.heats() || (jump_is_slip(problem.options) && jump != 0.0) || limit < std::abs(trial.stress))
+    return std::nullopt;
+  // The slip is 0 with the sign that solve_balance() gives it, so that both functions give the same bits.
+  const double slip = problem.options.drive == Drive::kLayerShear ? std::copysign(0.0, trial.direction) : 0.0;
+  return resting(trial.stress, slip, Regime::kStick, true);
 }
 
 }  // namespace shearbus::physics
