@@ -13,7 +13,6 @@ import begin  # noqa: F401
 
 import h5py
 import numpy as np
-import output
 import style
 from matplotlib.lines import Line2D
 from runs import check_texts, chunks, meta_of, provenance_of, regimes_of, scene_of, tell_apart
@@ -116,7 +115,6 @@ def main():
     parser.add_argument("--node", type=whole_number, help="id of the node; default: the hottest")
     options = parser.parse_args()
     try:
-        output.check(options.out, output.PICTURE)  # before the work
         files, node = read(options.files, options.node)
         panels = [(label, lines) for label, lines in PANELS if any(name in file.values for file in files for name, _ in lines)]
         if not panels:

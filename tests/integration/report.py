@@ -188,7 +188,7 @@ class Report(unittest.TestCase):
             pictures.append((self.path / f"{i}.png").read_bytes())
         self.assertEqual(len(set(pictures[:3])), 3)
         (self.path / "exp.csv").write_text("time [us],pressure [GPa]\n1,2\n")
-        for wrong, text in ((self.path / "exp.csv", "exp.csv: expected a result or a history in HDF5"), (self.path / "gone.h5", "gone.h5: there is no such file")):
+        for wrong, text in ((self.path / "exp.csv", "exp.csv: expected a result or a history in HDF5"), (self.path / "gone.h5", "gone.h5: cannot be opened: No such file or directory")):
             done = subprocess.run([OPTIONS.replay, "plot", others[0], wrong, "--out", self.path / "no.png"], capture_output=True, text=True, timeout=200)
             self.assertEqual(done.returncode, 1)
             self.assertIn(text, done.stderr)
