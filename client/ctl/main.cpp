@@ -31,7 +31,7 @@
 #include "proto/wire/text.hpp"
 #include "server/physics/material/flow_laws.hpp"
 #include "server/physics/material/material.hpp"
-#include "server/physics/solver/parts.hpp"
+#include "server/physics/solver/options_page.hpp"
 #include "server/store/compare.hpp"
 #include "server/version.hpp"
 

@@ -1,3 +1,5 @@
+#include "server/physics/solver/options_page.hpp"
+
 #include <string_view>
 
 #include "server/physics/interface/friction_laws.hpp"

@@ -151,9 +151,6 @@ bool goes_with(Property property, const ModelOptions& options);
 // tolerance.
 ModelOptions switched(ModelOptions options, const Part& part, bool on);
 
-// The page of the options in Markdown, printed by `shearbus-ctl options` from these tables and the lists of laws.
-std::string options_page();
-
 // Thrown by Model's constructor; what() is the text of all refusals, one per line.
 class RefusedOptions : public std::invalid_argument {
  public:
