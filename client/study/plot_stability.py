@@ -1,8 +1,8 @@
 #!/usr/bin/python3
-"""Draws the envelope from stability.json as a map, rows against physics. The colour shows the largest effort of a
-step of eight nodes, in evaluations; a cross marks a broken invariant, a ring a row that did not reach its regime;
-blank cells do not apply. Prints the ten cells with the most effort. For a single scene: bars, with the share of the
-heat that a molten interface would take. plot_stability.py stability.json [--out FILE.png]"""
+"""Draws the envelope from stability.json as a map, physics against rows of the campaign. The colour shows the largest
+effort of a step of eight nodes, in evaluations; a cross marks a broken invariant, a ring a row that did not reach its
+regime; blank cells do not apply. Prints the ten cells with the most effort. For a single scene: bars, with the share of
+the heat that a molten interface would take. plot_stability.py stability.json [--out FILE.png]"""
 import textwrap
 
 import numpy as np
@@ -32,20 +32,20 @@ def of_one_scene(study, cells):
 
 def of_all(study, cells):
     rows, physics = [row["name"] for row in study["rows"]], study["physics"]
-    field = np.full((len(rows), len(physics)), np.nan)
-    figure, axes = style.figure(1, 1, (11, 0.26 * len(rows) + 2.4))
+    field = np.full((len(physics), len(rows)), np.nan)
+    figure, axes = style.figure(1, 1, (10, 0.18 * len(physics) + 2.0))
     marks = {"broken": {"marker": "x", "color": style.SECOND, "s": 60, "lw": 2}, "not met": {"marker": "o", "facecolor": "none", "edgecolor": style.INK, "s": 30}}
     for (row, name), cell in cells.items():
-        r, p = rows.index(row), physics.index(name)
+        place = rows.index(row), physics.index(name)
         if cell["verdict"] != "not asked":
-            field[r, p] = effort(cell)
+            field[place[::-1]] = effort(cell)
         if cell["verdict"] in marks:
-            axes.scatter(p, r, **marks[cell["verdict"]])
+            axes.scatter(*place, **marks[cell["verdict"]])
     picture = axes.imshow(field, norm=LogNorm(1, 2e5), cmap="YlGnBu", aspect="auto")
-    axes.set_xticks(range(len(physics)), physics, rotation=90, fontsize=9)
-    axes.set_yticks(range(len(rows)), rows, fontsize=9)
-    axes.set_xticks(np.arange(-0.5, len(physics)), minor=True)
-    axes.set_yticks(np.arange(-0.5, len(rows)), minor=True)
+    axes.set_xticks(range(len(rows)), rows, rotation=90, fontsize=9)
+    axes.set_yticks(range(len(physics)), physics, fontsize=8)
+    axes.set_xticks(np.arange(-0.5, len(rows)), minor=True)
+    axes.set_yticks(np.arange(-0.5, len(physics)), minor=True)
     axes.grid(which="minor", color="white", linewidth=1.2)
     axes.tick_params(which="both", length=0)
     figure.colorbar(picture, label="evaluations, most in a step of eight nodes", fraction=0.03, pad=0.01, extend="max")
