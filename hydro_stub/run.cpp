@@ -101,7 +101,7 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
 }
 
 void plot(const std::filesystem::path& out, bool cone) {
-  const char* script = cone ? SHEARBUS_PLOT_CONE_SCRIPT : SHEARBUS_PLOT_SCRIPT;
+  const std::string script = program::script("report", cone ? "plot_cone.py" : "plot_histories.py");
   if (program::run_python({script, out.string(), "--out", out.string()})) return;
   throw std::runtime_error(fmt::format(
       "the plots failed; the results are whole in {} (see the lines above, or run with --no-plot)", out.string()));

@@ -54,7 +54,7 @@ void write_study(const CommandOptions& options, const std::string& name, const n
   fmt::print("\nwritten: {}\n", path.string());
   static_cast<void>(std::fflush(stdout));
   if (!options.plot) return;
-  if (!program::run_python({fmt::format("{}/client/study/plot_{}.py", SHEARBUS_SOURCE_DIR, name), path.string()}))
+  if (!program::run_python({program::script("study", "plot_" + name + ".py"), path.string()}))
     throw std::runtime_error("the picture was not made; the study is whole in " + path.string());
 }
 

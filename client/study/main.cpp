@@ -90,7 +90,7 @@ void tolerance(const Options& options) {
 // Replaces this program by a script of this directory that has its own options.
 [[noreturn]] void become(const std::string& script, const std::vector<std::string>& words) {
   const std::string programs = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-  std::vector<std::string> command = {SHEARBUS_SOURCE_DIR "/client/study/" + script, "--bin", programs};
+  std::vector<std::string> command = {shearbus::program::script("study", script), "--bin", programs};
   command.insert(command.end(), words.begin(), words.end());
   shearbus::program::become_python(std::move(command));
 }

@@ -33,7 +33,7 @@ std::vector<char*> command(std::vector<std::string>& words) {
 
 }  // namespace
 
-std::filesystem::path script(const char* room, const char* name) {
+std::filesystem::path script(const char* room, const std::string& name) {
   namespace fs = std::filesystem;
   std::error_code ignored;
   const fs::path program = fs::read_symlink("/proc/self/exe", ignored);

@@ -8,7 +8,7 @@
 namespace shearbus::program {
 
 // A program in Python of this installation, or of the sources; `room` is that of its sources below client/.
-std::filesystem::path script(const char* room, const char* name);
+std::filesystem::path script(const char* room, const std::string& name);
 
 // Runs Python with these arguments and waits for its end. Returns whether it succeeded. Throws std::system_error if it
 // cannot be started, std::runtime_error if a signal ends it that does not end this program.
