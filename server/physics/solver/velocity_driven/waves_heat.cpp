@@ -12,13 +12,13 @@
 namespace shearbus::physics {
 namespace {
 
-constexpr double kVelocity = 1e-12;     // the velocities of the waves are known to this part of the largest
-constexpr double kForced = 1e-14;       // the same under force, where what is known of them is closed, close_leap()
-constexpr double kClosed = 1e-12;       // largest difference of work and heat, relative to the heat
-constexpr double kDigits = 1e-9;        // the same where the last digit of a temperature decides, next to melting
-constexpr double kSameFlow = 1e-5;      // relative difference up to which the mean of two flows has the mean stress
-constexpr double kSameSlip = 1e-3;      // relative difference of slips of one contact, for which the same holds
-constexpr double kLeastRoom = 1e-12;    // a vertex that is nearer to melting takes no heat, relative to T_melt
+constexpr double kVelocity = 1e-12;        // the velocities of the waves are known to this part of the largest
+constexpr double kForcedVelocity = 1e-14;  // the same under force, where what is known of them is closed, close_leap()
+constexpr double kClosed = 1e-12;          // largest difference of work and heat, relative to the heat
+constexpr double kDigits = 1e-9;           // the same where the last digit of a temperature decides, next to melting
+constexpr double kSameFlow = 1e-5;         // relative difference up to which the mean of two flows has the mean stress
+constexpr double kSameSlip = 1e-3;         // relative difference of slips of one contact, for which the same holds
+constexpr double kLeastRoom = 1e-12;       // a vertex that is nearer to melting takes no heat, relative to T_melt
 constexpr double kSmallStep = 0.5;      // a larger lack of heat, relative to it, lets the vertices change that take it,
 constexpr int kMostCloseAmounts = 6;    // so does one that is left after so many amounts
 constexpr double kFartherAmount = 4.0;  // factor by which the amount then grows
@@ -239,7 +239,7 @@ class HeatedWaves {
     double fastest = std::abs(inputs_.velocity_jump[l]);
     for (std::size_t c = 0; c < problem_.layout.num_velocity_cells; ++c)
       fastest = std::max(fastest, std::abs(trial_[problem_.layout.layer_velocity + c * kLanes + l]));
-    lanes_[l].unknown = (forced_ ? kForced : kVelocity) * largest * fastest;
+    lanes_[l].unknown = (forced_ ? kForcedVelocity : kVelocity) * largest * fastest;
     return sum;
   }
 
