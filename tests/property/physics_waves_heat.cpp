@@ -12,6 +12,17 @@
 namespace shearbus::testing {
 namespace {
 
+// What a step does to the energies of motion and strain, a half each of `half` times a square: their growth, what backward
+// Euler loses of it, and the size of both.
+struct Energies {
+  double kept = 0.0, lost = 0.0, size = 0.0;
+  void add(double half, double now, double old) {
+    kept += half * (now - old) * (now + old);
+    lost += half * (now - old) * (now - old);
+    size += half * (now * now + old * old);
+  }
+};
+
 // What the jump does is the growth of the kinetic and the elastic energy of the layer, the heat, of which with X = 1 none
 // is missing, and what backward Euler loses.
 TEST(PhysicsWavesHeat, TheWorkOfTheJumpIsMotionStrainAndHeat) {
@@ -34,25 +45,20 @@ TEST(PhysicsWavesHeat, TheWorkOfTheJumpIsMotionStrainAndHeat) {
         if (rig.inputs.pressure[l] <= 0.0 || closes) continue;
         SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
         const double work = rig.outputs.mean_far_stress[l] * rig.inputs.velocity_jump[l] * dt;
-        double kept = 0.0, lost = 0.0, size = std::abs(work);
-        const auto add = [&](double half, double now, double old) {
-          kept += half * (now - old) * (now + old);
-          lost += half * (now - old) * (now - old);
-          size += half * (now * now + old * old);
-        };
+        Energies sums{.size = std::abs(work)};
         for (int i = 0; i <= grid.num_cells(); ++i) {
           const std::size_t at = static_cast<std::size_t>(i);
-          add(0.5 * grid.weight[at] / options.soft.shear_modulus, stress_at(rig, i, l),
-              rig.trial[place(layout.shear_stress, i, l)]);
+          sums.add(0.5 * grid.weight[at] / options.soft.shear_modulus, stress_at(rig, i, l),
+                   rig.trial[place(layout.shear_stress, i, l)]);
           if (i < grid.num_cells())
-            add(0.5 * options.soft.density * grid.width[at], velocity_in(rig, i, l),
-                rig.trial[place(layout.layer_velocity, i, l)]);
+            sums.add(0.5 * options.soft.density * grid.width[at], velocity_in(rig, i, l),
+                     rig.trial[place(layout.layer_velocity, i, l)]);
         }
         const double heat = rig.outputs.friction_heat[l];
-        worst = std::max(worst, std::abs(work - kept - lost - heat) / size);
-        ASSERT_NEAR(work, kept + lost + heat, 1e-9 * size);
+        worst = std::max(worst, std::abs(work - sums.kept - sums.lost - heat) / sums.size);
+        ASSERT_NEAR(work, sums.kept + sums.lost + heat, 1e-9 * sums.size);
         heated += heat;
-        all += size;
+        all += sums.size;
         ++steps;
       }
     }
@@ -95,27 +101,23 @@ TEST(PhysicsWavesHeat, TheWorkOfTheFarStressesIsMotionStrainAndHeat) {
         const double hard = (stress_at(rig, 0, l) - in.stress_hard[l]) * (dt / in.mass_hard[l]);
         const double soft = velocity_in(rig, n, l) + hard;
         const double drive = kSqrt3 * options.grid.thickness * in.soft_plastic_strain_rate[l];
-        double work = 0.0, kept = 0.0, lost = 0.0, size = 0.0;
+        double work = 0.0;
+        Energies sums;
         for (const double of : {in.stress_soft[l] * soft, -in.stress_hard[l] * hard, stress_at(rig, n, l) * drive}) {
           work += of * dt;
-          size += std::abs(of) * dt;
+          sums.size += std::abs(of) * dt;
         }
-        const auto add = [&](double half, double now, double old) {
-          kept += half * (now - old) * (now + old);
-          lost += half * (now - old) * (now - old);
-          size += half * (now * now + old * old);
-        };
         for (int i = 0; i <= n; ++i)
-          add(0.5 * grid.weight[static_cast<std::size_t>(i)] / options.soft.shear_modulus, stress_at(rig, i, l),
-              rig.trial[place(layout.shear_stress, i, l)]);
+          sums.add(0.5 * grid.weight[static_cast<std::size_t>(i)] / options.soft.shear_modulus, stress_at(rig, i, l),
+                   rig.trial[place(layout.shear_stress, i, l)]);
         for (int c = 0; c <= n; ++c)
-          add(0.5 * mass(c), velocity_in(rig, c, l) + hard, before(c) - ahead / in.mass_soft[l]);
-        add(0.5 * in.mass_hard[l], hard, 0.0);
+          sums.add(0.5 * mass(c), velocity_in(rig, c, l) + hard, before(c) - ahead / in.mass_soft[l]);
+        sums.add(0.5 * in.mass_hard[l], hard, 0.0);
         const double heat = rig.outputs.friction_heat[l];
-        worst = std::max(worst, std::abs(work - kept - lost - heat) / size);
-        ASSERT_NEAR(work, kept + lost + heat, 1e-9 * size);
+        worst = std::max(worst, std::abs(work - sums.kept - sums.lost - heat) / sums.size);
+        ASSERT_NEAR(work, sums.kept + sums.lost + heat, 1e-9 * sums.size);
         heated += heat;
-        all += size;
+        all += sums.size;
         ++steps;
       }
     }
