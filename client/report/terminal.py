@@ -172,8 +172,8 @@ class Parser(argparse.ArgumentParser):
     """The command line of a program whose description is printed as it stands; a fault of it is one line of text."""
 
     def __init__(self, **options):
-        super().__init__(**{"formatter_class": Help, "allow_abbrev": False, **options})
         sys.excepthook = tell_fault
+        super().__init__(**{"formatter_class": Help, "allow_abbrev": False, **options})
 
     def parse_args(self, *arguments, **options):
         exchange_handlers(end_at_once, signal.default_int_handler)

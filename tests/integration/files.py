@@ -163,7 +163,7 @@ class TwoRuns(Files):
                 file.unlink()
 
     def test_a_directory_has_one_writer(self):
-        scene = PROBLEMS / "cone_al_steel_coarse.toml"
+        scene = served.edited(PROBLEMS / "cone_al_steel_coarse.toml", self.path / "long.toml", end_time_s=1e-3)
         out = self.path / "run"
         first = self.start("hydro", scene, "--interface-law", "free_slip", "--out", out, "--no-plot")
         served.until(self, (out / ".lock").exists, first)
