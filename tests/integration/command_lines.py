@@ -204,7 +204,7 @@ class PythonPrograms(unittest.TestCase):
         without = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
         client = {**without, "PYTHONPATH": str(OPTIONS.source / "client/python"), "LC_ALL": "C"}
         for words, code, said, environment in (
-                (["make_history.py", "constant", "/nonexistent/x.h5"], 1, "/nonexistent/x.h5 cannot be written", without),
+                (["make_history.py", "constant", "/dev/null/x.h5"], 1, "/dev/null/x.h5 cannot be written", without),
                 (["make_history.py", "constant", "/dev/full"], 1, "/dev/full cannot be written", without),
                 (["host.py"], 1, "the Python client cannot be loaded", without), (["sweep.py"], 1, "the Python client cannot be loaded", without),
                 (["host.py", "--help"], 0, "", client), (["sweep.py", "--help"], 0, "", client),
