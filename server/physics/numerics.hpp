@@ -7,6 +7,6 @@
 
 namespace shearbus::physics {
 
-inline constexpr std::uint16_t kNumericsVersion = 14;
+inline constexpr std::uint16_t kNumericsVersion = 15;
 
 }  // namespace shearbus::physics

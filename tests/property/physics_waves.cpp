@@ -51,7 +51,7 @@ TEST_P(PhysicsWaves, EveryEquationHoldsForRandomScenesAndInputs) {
         ASSERT_LE(step.kinematic_fault(), 1e-12);
         ASSERT_LE(step.energy_fault(), 1e-9);
         step.expect_flow_law();
-        // The step of the whole tile, by waves_wide where Newton's method finds an answer, must give this lane the
+        // The step of the whole tile, by Newton's method of the lanes together where that finds an answer, must give this lane the
         // same results as the step of the lane alone.
         ASSERT_GE(rig.outputs.shear_stress[l] * rig.outputs.sliding_velocity[l], 0.0);
         if (std::abs(stress_at(rig, 0, l)) >= kNoStress) {

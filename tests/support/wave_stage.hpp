@@ -35,14 +35,15 @@ class WaveStage {
   }
   // A stage from any fields.
   WaveStage(const Rig& rig, int lane, const HeatOperator& heat, const WaveFields& start)
-      : soft_(at_pressure(rig.model.options().soft, rig.inputs.pressure[lane])),
-        step_(wave_step(rig, lane, heat, soft_)),
+      : rig_(rig),
+        soft_(at_pressure(rig.model.options().soft, rig.inputs.pressure[lane])),
+        step_(lane_waves(rig, lane, heat, soft_)),
         before_(start),
         after_(start) {}
   WaveStage(const WaveStage&) = delete;
   WaveStage& operator=(const WaveStage&) = delete;
 
-  void solve(int newton_steps = kWaveNewtonSteps) { answer_ = advance_waves(step_, after_, newton_steps); }
+  void solve(int newton_steps = kWaveNewtonSteps) { answer_ = search_waves(rig_, step_, newton_steps, after_); }
 
   double T(int i) const { return before_.T_ad[i] + answer_.flux * step_.response[i]; }
   double velocity(int cell) const {
@@ -104,8 +105,10 @@ class WaveStage {
       const double per_velocity = soft_.shear_modulus * step_.dt / step_.grid->weight[i];
       const double loaded = per_velocity * (velocity(i) - velocity(i - 1));
       const double flowed = std::copysign(kSqrt3 * soft_.shear_modulus * after_.strain_growth[i], after_.stress[i]);
+      // An ulp of the strain is a stress; it is added times 1e12.
+      const double rounding = 1e12 * 2.2e-16 * kSqrt3 * soft_.shear_modulus * before_.strain[i];
       const double size =
-          std::abs(loaded) + std::abs(flowed) + largest_stress() + per_velocity * 0.01 * largest_velocity();
+          std::abs(loaded) + std::abs(flowed) + largest_stress() + per_velocity * 0.01 * largest_velocity() + rounding;
       worst = std::max(worst, (std::abs(after_.stress[i] - before_.stress[i] + flowed - loaded) - kTiny) / size);
     }
     return worst;
@@ -157,17 +160,18 @@ class WaveStage {
     return std::abs(balance) / size;
   }
 
-  const WaveStep& step() const { return step_; }
-  const WaveAnswer& answer() const { return answer_; }
+  const LaneWaves& step() const { return step_; }
+  const LaneAnswer& answer() const { return answer_; }
   const WaveFields& before() const { return before_; }
   const WaveFields& fields() const { return after_; }
   const Material& soft() const { return soft_; }
 
  private:
+  const Rig& rig_;
   Material soft_;
-  WaveStep step_;
+  LaneWaves step_;
   WaveFields before_, after_;
-  WaveAnswer answer_;
+  LaneAnswer answer_;
 };
 
 }  // namespace shearbus::testing

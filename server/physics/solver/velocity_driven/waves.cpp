@@ -2,20 +2,44 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <optional>
 
+#include "server/physics/material/elementary.hpp"
 #include "server/physics/material/flow_laws.hpp"
+#include "server/physics/solver/model.hpp"
+#include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/velocity_driven/waves_return.hpp"
 
 namespace shearbus::physics {
 namespace {
 
-using Row = WaveFields::Row;
+constexpr double kMelting = SteinbergCochranGuinan::kMeltingFactor;
+constexpr double kConverged = 1e-12;  // Newton's method ends before a step below this fraction of the scale
+constexpr double kBalanced = 1e-11;   // and no residual of the momentum balance exceeds this share of the stresses
+constexpr double kLeastStress = 1e6;  // added to them, because close to melting all stresses vanish  [Pa]
+constexpr double kReturned = 1e-11;   // the same of the return at z = 0, relative to its stress
+// and its stress is the yield stress to this share: within rounding of T_melt a step is short far from the root
+constexpr double kSameStress = 1e-6;
+constexpr double kRounding = std::numeric_limits<double>::epsilon();
+// A return ends with a step r (1 + x) whose third power, which is what it leaves, is too small for the strain to show:
+// the strain magnifies an error of the stress by the stiffness.
+constexpr double kLocallyConverged = 1e-12;
+constexpr double kNear = 0.25;                                     // shorter steps of x take the curvature along
+constexpr double kNothing = 1e-14;                                 // a change of velocity so small has no effect  [m/s]
+constexpr double kFarthestStep = 1e12;                             // a longer step of the velocities is no step  [m/s]
+constexpr double kLeastToMelting = 1e-10, kLeastBracket = 1e-290;  // smallest T_melt - T [K], smallest bracket
+constexpr double kLeastReturn = 1e-200;  // a smaller stress at z = 0 is left to the general search  [Pa]
+constexpr double kUnlimited = 1e300;     // stands for no bound  [Pa]
+constexpr int kInterfaceSteps = 40;      // iterations of the return at z = 0, likewise
+constexpr int kInterfaceNewton = 12;     // those of them after which a step that is not half the one before bisects
+constexpr int kReturnSteps = 60;         // iterations of the return of a vertex; 1 to 3 are usual
+constexpr double kUnknown = -1.0;        // stands for an x that is not known
 
-constexpr double kConverged = 1e-11;  // Newton's method ends with a step below this fraction of the unknowns' scale
-constexpr double kNothing = 1e-14;    // a change of velocity so small has no effect, for any dt and cell  [m/s]
-constexpr double kUnfelt = 1e-14;     // temperature rise without effect on the strength, relative to T_melt
+// Of the search of one lane.
+constexpr double kConvergedAlone = 1e-11;  // Newton's method ends with a step below this fraction of the scale
+constexpr double kUnfelt = 1e-14;          // temperature rise without effect on the strength, relative to T_melt
 // Line search. A step of the velocities may end beyond the minimum of the energy if the slope of the energy there is at
 // most this fraction of the slope at the start of the step (without signs; slope: derivative in Newton's direction).
 constexpr double kOvershoot = 0.5;
@@ -27,215 +51,140 @@ constexpr double kLeastDescent = 0.25;
 // Share of secants in the slopes of a step of the line search: the least, and its factors after a step that was cut and
 // after one that was not.
 constexpr double kLeastSecant = 1e-4, kMoreSecant = 10.0, kLessSecant = 0.3;
-constexpr int kBisections = 200;         // largest number of bisections of an interval, enough to reach rounding
-constexpr int kGuardedSteps = 400;       // largest number of Newton steps of search() at each heat flux that it tries
-constexpr int kMostGuardedSteps = 4000;  // the same if search() is repeated because its first result was not balanced
-constexpr double kBalanced = 1e-6;       // largest accepted residual of the momentum balance, relative to the stresses
-// Added to the largest stress before it is multiplied by kBalanced, because close to melting all stresses vanish  [Pa]
-constexpr double kLeastStress = 1e6;
+constexpr int kBisections = 200;          // largest number of bisections of an interval, enough to reach rounding
+constexpr int kGuardedSteps = 400;        // largest number of Newton steps of search() at each heat flux that it tries
+constexpr int kMostGuardedSteps = 4000;   // the same if search() is repeated because its first result was not balanced
+constexpr double kSurelyBalanced = 1e-6;  // largest accepted residual of the momentum balance, relative to the stresses
 // Largest accepted residual due to rounding, in units of the stress that one ulp of the largest velocity causes.
 constexpr double kUlps = 1e4;
 
-class Waves {
- public:
-  Waves(const WaveStep& step, WaveFields& fields, int evaluations)
-      : step_(step),
-        fields_(fields),
-        num_cells_(step.grid->num_cells()),
-        kappa_(kSqrt3 * step.soft->shear_modulus),
-        law_(return_law_of(*step.soft)),
-        T_melt_(step.soft->melting_temperature),
-        bracket_(SteinbergCochranGuinan::bracket_at(*step.soft, step.pressure)),
-        by_law_(*step.soft, step.pressure, step.dt),
-        by_law_near_(*step.soft, step.pressure, step.dt, step.give_near),
-        by_law_far_(*step.soft, step.pressure, step.dt, step.give_far),
-        has_form_(properties_of(step.soft->flow_law).has_wave_return),
-        evaluations_(evaluations),
-        evaluations_left_(evaluations) {
-    const Material& soft = *step.soft;
-    const int padded = (num_cells_ / WaveFields::kPacket + 1) * WaveFields::kPacket;
-    for (int i = 0; i < padded; ++i) {
-      const bool inside = i <= num_cells_;
-      const double hardened = 1.0 + (inside ? soft.hardening_coefficient * fields.strain[i] : 0.0);
-      rows_.strength[i] = soft.yield_strength * power(hardened, soft.hardening_exponent) / kSqrt3;
-      rows_.compliance[i] = soft.hardening_coefficient / (kappa_ * hardened) * give(i);
-      rows_.t[i] = 0.0;
-      rows_.x[i] = kUnknown;
-      rows_.T[i] = SteinbergCochranGuinan::kReference;
-      stress_old_[i] = inside ? fields.stress[i] : 0.0;
-      velocity_old_[i] = i < num_cells_ ? fields.velocity[i] : 0.0;
-    }
-    if (fields.has_guess) std::copy_n(fields.guess, num_cells_, fields.velocity);
-  }
+}  // namespace
 
-  WaveAnswer advance(int newton_steps) {
-    if (!descend({}, newton_steps, false)) {
+// The return of a trial stress by the law of Steinberg, Cochran and Guinan (waves_return.hpp), in the unknown
+// x = beta dep / (1 + beta ep):
+//   s = min(strength (1 + x)^n, ceiling) g(P, T),   strength = Y0 (1 + beta ep)^n / sqrt(3),   ceiling = Y_max / sqrt(3).
+struct ReturnLaw {
+  double exponent;  // hardening exponent n
+  double ceiling;   // largest strength in shear  [Pa]
+  double hT;        // coefficient of -(T - 300 K) in the bracket of the softening g  [1/K]
+};
+
+// What the lanes of a tile share.
+struct WaveTile {
+  const WaveStep& step;
+  std::ptrdiff_t num_cells;
+  const double *gain, *inertia;  // [vertex], [cell]: trial stress per velocity difference, stress difference per
+                                 // change of velocity  [Pa s/m]
+  ReturnLaw law;
+  double per_kappa, yield, beta, velocity_per_stress;
+  alignas(64) double T_melt[kLanes];   // melting temperature at the pressure of each lane  [K]
+  alignas(64) double bracket[kLanes];  // bracket of the softening g at T = 0 K: 1 + gP P + 300 hT
+};
+
+// Rows of the iteration, [vertex or cell][lane].
+struct WaveRows {
+  double *strength, *compliance, *x, *stress, *velocity, *stiffness, *softening, *direction, *carry, *coupling, *before;
+  WaveAnswer& answer;
+  double trial_at_interface[kLanes];
+  std::uint32_t held = 0;  // lanes with the friction limit at z = 0
+};
+inline constexpr std::size_t kRows = 11;
+
+}  // namespace shearbus::physics
+
+#define SHEARBUS_KERNELS "server/physics/solver/velocity_driven/waves_kernel.hpp"
+#include "server/physics/layer/each_register.hpp"
+
+namespace shearbus::physics {
+namespace {
+
+// The search of one lane: Newton's method with a line search, and the guarded search where that does not converge.
+class WaveSearch : private one::WaveLanes {
+ public:
+  // `soft`: the material at the pressure.
+  WaveSearch(const WaveTile& tile, WaveRows& rows, const Material& soft, int lane)
+      : WaveLanes(tile, rows, lane),
+        has_form_(properties_of(soft.flow_law).has_wave_return),
+        by_law_(soft, step_.pressure[lane], step_.dt),
+        by_law_near_(soft, step_.pressure[lane], step_.dt, give_near_),
+        by_law_far_(soft, step_.pressure[lane], step_.dt, give_far_) {}
+
+  // Returns whether the lane has an answer.
+  bool solve() {
+    start();
+    bool found = descend({}, step_.most_steps_alone, false);
+    if (!found) {
       search(kGuardedSteps);
       if (!balanced()) {
-        evaluations_left_ = evaluations_;
+        evaluations_left_ = kWaveEvaluations;
         search(kMostGuardedSteps);
       }
-      answer_.found = (evaluations_left_ > 0 || step_.forced) && balanced();
+      found = (evaluations_left_ > 0 || step_.forced) && balanced();
     }
-    finish();
-    return answer_;
+    if (found) write(true, iterations_);
+    rows_.answer.iterations[lane_] = iterations_;
+    return found;
   }
 
  private:
-  double give(int i) const { return i == 0 ? step_.give_near : i == num_cells_ ? step_.give_far : 1.0; }
-  double gain(int i) const {  // trial stress per velocity difference  [Pa s/m]
-    return step_.soft->shear_modulus * step_.dt / step_.grid->weight[static_cast<std::size_t>(i)] / give(i);
-  }
-  double kappa(int i) const { return kappa_ / give(i); }  // trial stress per plastic strain  [Pa]
-  double inertia(int c) const {                           // stress difference per change of velocity  [Pa s/m]
-    return step_.soft->density * step_.grid->width[static_cast<std::size_t>(c)] / step_.dt;
-  }
-  double velocity_behind(int c) const { return c < num_cells_ ? fields_.velocity[c] : step_.jump; }
-
-  double residual(int c) const {  // residual of the balance of momentum  [Pa]
-    return fields_.stress[c + 1] - fields_.stress[c] - inertia(c) * (fields_.velocity[c] - velocity_old_[c]);
-  }
-
-  // Sign of the trial stress at z = 0, or of the jump while that stress is 0.
-  double direction_at_interface() const { return std::copysign(1.0, rows_.t[0] != 0.0 ? rows_.t[0] : step_.jump); }
-
-  void set_trial_stress() {
-    double before = 0.0;
-    for (int i = 0; i <= num_cells_; ++i) {
-      const double v = velocity_behind(i);
-      // NOLINTNEXTLINE(clang-analyzer-core.UndefinedBinaryOperatorResult): the constructor sets all rows, to `padded`
-      rows_.t[i] = stress_old_[i] + gain(i) * (v - before);
-      before = v;
-    }
-  }
-
-  // Evaluates stresses and slopes at the iterate, with the temperatures T = T_ad + q B of a given heat flux q.
-  void evaluate_at(double flux) {
-    --evaluations_left_;
-    answer_.flux = flux;
-    for (int i = 0; i <= num_cells_; ++i) rows_.T[i] = fields_.T_ad[i] + flux * step_.response[i];
-    has_form_ ? return_to_yield(law_, T_melt_, bracket_, num_cells_ + 1, rows_, fields_.stress) : return_by_law();
-    flux_slope_ = 0.0;
-    held_ = std::abs(fields_.stress[0]) > step_.coulomb;
-    if (!held_) return;
-    fields_.stress[0] = std::copysign(step_.coulomb, rows_.t[0]);
-    rows_.slope[0] = rows_.softening[0] = 0.0;
-  }
-
-  void return_by_law() {
-    for (int i = 0; i <= num_cells_; ++i) {
-      const LawReturn& by_law = i == 0 ? by_law_near_ : i == num_cells_ ? by_law_far_ : by_law_;
-      const ReturnedStress found = by_law.at(fields_.strain[i], std::abs(rows_.t[i]), rows_.T[i], 0.0);
-      fields_.stress[i] = std::copysign(found.stress, rows_.t[i]);
-      rows_.slope[i] = found.slope;
-      rows_.softening[i] = std::copysign(1.0, rows_.t[i]) * found.softening;
-    }
+  double residual(std::ptrdiff_t c) const {  // residual of the balance of momentum  [Pa]
+    return at(rows_.stress, c + 1) - at(rows_.stress, c) -
+           tile_.inertia[c] * (at(rows_.velocity, c) - at(step_.velocity, c));
   }
 
   // Evaluates stresses and slopes at the iterate, for the given heat flux q or else for the heat flux of the stress at
   // z = 0.
   void evaluate(std::optional<double> given) {
-    set_trial_stress();
-    if (given) return evaluate_at(*given);
-    const double direction = direction_at_interface();
-    const double per_stress = step_.heat_share * std::max(0.0, direction * step_.jump);  // heat flux per stress [m/s]
-    // The return at z = 0 with the heat of the stress itself, q = per_stress |s|: the strength falls with that heat, so
-    // there is one root, below melting if T_ad is.
-    const ReturnedStress found =
-        by_law_near_.at(fields_.strain[0], std::abs(rows_.t[0]), fields_.T_ad[0], per_stress * step_.response[0]);
-    const bool held = found.stress > step_.coulomb;
-    const double size = held ? step_.coulomb : found.stress, slope = held ? 0.0 : found.slope;
-    evaluate_at(per_stress * size);
-    held_ = held;
-    fields_.stress[0] = std::copysign(size, rows_.t[0]);
-    rows_.slope[0] = slope;
-    flux_slope_ = direction * (per_stress * slope);
-  }
-
-  // Newton's step dv of the cell velocities: solves the linearised balance of momentum, one equation (row) per cell.
-  // The elimination goes from the far end of the layer to z = 0. It adds the terms of stiffness and inertia without a
-  // difference, so these terms do not cancel. "Behind" is farther from z = 0, "before" nearer. Row c becomes
-  //   dv[c] = constant[c] + carry[c] dv[c-1] + coupling[c] dv[0],
-  // where the last term is the softening by the heat that the stress at z = 0 causes.
-  void newton_direction() {
-    ++answer_.iterations;
-    double stiffness = 0.0;  // fall of the stress behind a cell per velocity of the cell  [Pa s/m]
-    double excess = 0.0;     // diagonal of a cell's equation without the vertex before the cell  [Pa s/m]
-    double heat = 0.0;       // what the eliminated rows behind add to a row's coefficient of dv[0]  [Pa s/m]
-    double pushed = 0.0;     // what the eliminated rows behind add to a row's residual  [Pa]
-    const double heat_gain = flux_slope_ * gain(0);
-    for (int i = num_cells_; i >= 0; --i) {
-      const double k = rows_.slope[i] * gain(i);
-      const double softens = i > 0 ? rows_.softening[i] * step_.response[i] * heat_gain : 0.0;
-      if (i < num_cells_) {
-        residual_[i] = residual(i);
-        const double pivot = excess + k;
-        const double own = i > 0 ? pivot : std::max(pivot - heat, 0.5 * pivot);
-        constant_[i] = (residual_[i] + pushed) / own;
-        carry_[i] = k / pivot;
-        coupling_[i] = i > 0 ? (heat - softens) / pivot : 0.0;
-        pushed = k * constant_[i];
-        heat = softens * (excess / pivot) + carry_[i] * heat;
-        stiffness = k * (excess / pivot);
-      } else {
-        pushed = 0.0;
-        heat = softens;
-        stiffness = k;
-      }
-      if (i > 0) excess = inertia(i - 1) + stiffness;
+    --evaluations_left_;
+    const auto return_of = [&](std::ptrdiff_t i, double trial, double T) {
+      if (has_form_) return return_by_form(i, trial, T);
+      const LawReturn& by_law = i == 0 ? by_law_near_ : i == tile_.num_cells ? by_law_far_ : by_law_;
+      const ReturnedStress found = by_law.at(at(step_.strain, i), std::abs(trial), T, 0.0);
+      return one::Returned{std::copysign(found.stress, trial), found.slope, std::copysign(1.0, trial) * found.softening,
+                           0.0};
+    };
+    const double trial = trial_at_interface();
+    if (!given) {
+      const Heating heating = heating_under(trial);
+      // The strength falls with the heat of the stress, so there is one root, below melting if T_ad is.
+      const ReturnedStress found = by_law_near_.at(at(step_.strain, 0), std::abs(trial), at(step_.T_ad, 0),
+                                                   heating.per_stress * step_.response[0]);
+      carry(trial, heating, found.stress, found.slope);
+      return return_vertices(1, return_of);
     }
-    direction_[0] = constant_[0];
-    for (int c = 1; c < num_cells_; ++c) {
-      direction_[c] = constant_[c] + carry_[c] * direction_[c - 1] + coupling_[c] * direction_[0];
-    }
+    flux_ = *given;
+    flux_slope_ = 0.0;
+    return_vertices(0, return_of);
+    held_ = std::abs(at(rows_.stress, 0)) > step_.coulomb[lane_];
+    if (!held_) return;
+    put(std::copysign(step_.coulomb[lane_], trial), rows_.stress, 0);
+    put(0.0, rows_.stiffness, 0);
   }
 
-  struct Largest {
-    double velocity;  // largest magnitude of a velocity, the imposed jump included  [m/s]
-    double stress;    // largest magnitude of a stress  [Pa]
-  };
-  Largest largest() const {
-    Largest of{std::abs(step_.jump), std::abs(fields_.stress[num_cells_])};
-    for (int c = 0; c < num_cells_; ++c) {
-      of.velocity = std::max(of.velocity, std::abs(fields_.velocity[c]));
-      of.stress = std::max(of.stress, std::abs(fields_.stress[c]));
-    }
-    return of;
-  }
-
-  double largest_step() const {
-    double largest = 0.0;
-    for (int c = 0; c < num_cells_; ++c) {
-      const double size = std::abs(direction_[c]);
-      largest = size <= largest ? largest : size;  // a NaN counts as the largest
-    }
-    return largest;
-  }
-
-  // Whether Newton's step is small relative to the sum of the largest velocity of the layer and of what would cause the
-  // largest stress.
-  bool small_step() const {
-    const auto [v, s] = largest();
-    const double per_stress = velocity_per_stress(*step_.soft, *step_.grid, step_.dt);
-    return largest_step() <= kConverged * (v + s * per_stress) + kNothing;
-  }
-
-  // Slope of the energy (see search()) along Newton's direction, after the fraction `part` of the step.
-  double slope_after(double part, std::optional<double> flux) {
-    for (int c = 0; c < num_cells_; ++c) fields_.velocity[c] = start_[c] + part * direction_[c];
-    evaluate(flux);
+  // Slope of the energy (see search()) along Newton's direction.
+  double slope() const {
     double slope = 0.0;
-    for (int c = 0; c < num_cells_; ++c) slope -= direction_[c] * residual(c);
+    for (std::ptrdiff_t c = 0; c < tile_.num_cells; ++c) slope -= at(rows_.direction, c) * residual(c);
     return slope;
+  }
+  // The same after the fraction `part` of the step.
+  double slope_after(double part, std::optional<double> flux) {
+    for (std::ptrdiff_t c = 0; c < tile_.num_cells; ++c)
+      put(at(rows_.before, c) + part * at(rows_.direction, c), rows_.velocity, c);
+    evaluate(flux);
+    return slope();
   }
 
   // Moves the slopes towards those of lines through 0. With the latter a step is the minimum of an energy that is nowhere
   // below that of the layer, so that it descends in full. Newton's own steps hardly move layers that flow under one stress
   // and weigh little, since whole parts of them are free to move.
   void mix_secants(double share) {
-    for (int i = 0; i <= num_cells_; ++i) {
-      const double line = rows_.t[i] != 0.0 ? std::abs(fields_.stress[i] / rows_.t[i]) : 1.0;
-      rows_.slope[i] += share * (line - rows_.slope[i]);
+    double before = 0.0;
+    for (std::ptrdiff_t i = 0; i <= tile_.num_cells; ++i) {
+      const double v = velocity_behind(i), trial = at(step_.stress, i) + gain(i) * (v - before);
+      before = v;
+      const double line = trial != 0.0 ? std::abs(at(rows_.stress, i) / trial) : 1.0;
+      put(at(rows_.stiffness, i) + share * (line * gain(i) - at(rows_.stiffness, i)), rows_.stiffness, i);
     }
   }
 
@@ -247,12 +196,13 @@ class Waves {
     double secant = 0.0;  // share of secants in the slopes of the next step
     for (int iteration = 0; iteration < max_steps && evaluations_left_ > 0; ++iteration) {
       if (secant > 0.0) mix_secants(secant);
-      newton_direction();
-      if (!std::isfinite(largest_step())) return false;
-      const bool last = secant == 0.0 && small_step();
-      std::copy_n(fields_.velocity, num_cells_, start_);
-      double slope_0 = 0.0;
-      for (int c = 0; c < num_cells_; ++c) slope_0 -= direction_[c] * residual_[c];
+      const Size size = newton_direction();
+      iterations_ += 1.0;
+      if (!std::isfinite(size.step)) return false;
+      const double scale = size.velocity + size.stress * tile_.velocity_per_stress;
+      const bool last = secant == 0.0 && size.step <= kConvergedAlone * scale + kNothing;
+      for (std::ptrdiff_t c = 0; c < tile_.num_cells; ++c) put(at(rows_.velocity, c), rows_.before, c);
+      const double slope_0 = slope();
       double slope = slope_after(1.0, flux);
       if (last) return true;
       // The line search needs a direction along which the energy falls. Where the heating by the stress is solved
@@ -271,7 +221,7 @@ class Waves {
         part = 0.5 * (lo + hi);
         slope = slope_after(part, flux);
       }
-      if (!surely || !step_.forced) continue;  // between imposed velocities the bits stay as they were
+      if (!surely || !step_.forced) continue;
       if (part < 1.0)
         secant = std::clamp(kMoreSecant * secant, kLeastSecant, 1.0);
       else
@@ -287,13 +237,13 @@ class Waves {
   // whose gradient is -dt residual: descend() lowers this energy from any start. Between q = 0 and the q that melts
   // z = 0 the function q - heat_share * max(s[0] [V], 0) changes sign.
   void search(int steps) {
-    answer_.guarded = true;
-    const double share = step_.heat_share * step_.jump;
+    rows_.answer.guarded |= 1u << lane_;
+    const double share = step_.heat_share * jump_;
     double lo = 0.0;
-    double hi = std::max(0.0, (T_melt_ - fields_.T_ad[0]) / step_.response[0]);
-    std::copy_n(velocity_old_, num_cells_, fields_.velocity);
+    double hi = std::max(0.0, (T_melt_ - at(step_.T_ad, 0)) / step_.response[0]);
+    for (std::ptrdiff_t c = 0; c < tile_.num_cells; ++c) put(at(step_.velocity, c), rows_.velocity, c);
     descend(0.0, steps, true);
-    const auto made = [&] { return share * fields_.stress[0]; };  // heat flux q that the stress at z = 0 causes
+    const auto made = [&] { return share * at(rows_.stress, 0); };  // heat flux q that the stress at z = 0 causes
     const double unfelt = kUnfelt * T_melt_ / step_.response[0];
     const bool heats = made() > unfelt;
     while (heats && hi - lo > unfelt && evaluations_left_ > 0) {
@@ -306,52 +256,88 @@ class Waves {
 
   // Whether the balance of momentum holds in every cell. With steps of microseconds and cells of nanometres, far from
   // any real problem, Newton's method may reach its largest number of steps without a solution.
-  bool balanced() const {
-    const auto [v, s] = largest();
-    const double ulp = std::numeric_limits<double>::epsilon() * v;
-    for (int c = 0; c < num_cells_; ++c) {
-      const double accepted = kBalanced * (s + kLeastStress + inertia(c) * v) + kUlps * ulp * (gain(c) + gain(c + 1));
+  bool balanced() {
+    const Size largest = newton_direction();
+    const double ulp = kRounding * largest.velocity;
+    for (std::ptrdiff_t c = 0; c < tile_.num_cells; ++c) {
+      const double accepted = kSurelyBalanced * (largest.stress + kLeastStress + tile_.inertia[c] * largest.velocity) +
+                              kUlps * ulp * (gain(c) + gain(c + 1));
       if (!(std::abs(residual(c)) <= accepted)) return false;
     }
     return true;
   }
 
-  // Computes plastic strain and interface slip from the difference between trial stress and stress.
-  void finish() {
-    for (int i = 0; i <= num_cells_; ++i) {
-      fields_.strain_growth[i] = std::max(0.0, std::abs(rows_.t[i]) - std::abs(fields_.stress[i])) / kappa(i);
-    }
-    if (!held_) return;
-    const double left = std::abs(rows_.t[0]) - step_.coulomb;
-    const double flow = by_law_.strain_under(step_.coulomb, fields_.strain[0], rows_.T[0], left / kappa(0));
-    fields_.strain_growth[0] = flow;
-    answer_.interface_slip = std::copysign(std::max(0.0, left - kappa(0) * flow) / gain(0), rows_.t[0]);
-  }
-
-  const WaveStep& step_;
-  WaveFields& fields_;
-  int num_cells_;
-  double kappa_;  // sqrt(3) G0: stress per plastic strain  [Pa]
-  ReturnLaw law_;
-  double T_melt_, bracket_;  // return_to_yield()
-  // The return of a law that ReturnLaw does not describe, and that of the vertices at z = 0 and z = h.
-  LawReturn by_law_, by_law_near_, by_law_far_;
   bool has_form_;  // the law has the form of ReturnLaw
-  WaveAnswer answer_;
-  int evaluations_;  // largest number of evaluations of the balance in a search
-  int evaluations_left_;
-  bool held_ = false;        // the friction limit mu P holds the stress at z = 0
-  double flux_slope_ = 0.0;  // derivative of q by the trial stress at z = 0  [W/(m2 Pa)]
-  ReturnRows rows_;
-  alignas(64) Row stress_old_;
-  alignas(64) Row velocity_old_;
-  Row residual_, constant_, carry_, coupling_, direction_, start_;
+  LawReturn by_law_, by_law_near_, by_law_far_;
+  int evaluations_left_ = kWaveEvaluations;
+  double iterations_ = 0.0;
 };
 
 }  // namespace
 
-WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps, int evaluations) {
-  return Waves(step, fields, evaluations).advance(newton_steps);
+std::uint32_t advance_waves(const WaveStep& step, std::uint32_t lanes, WaveAnswer& answer) {
+  const Material& soft = *step.soft;
+  const Grid& grid = *step.grid;
+  const std::size_t vertices = static_cast<std::size_t>(grid.num_vertices());
+  // The rows, and behind them what depends on the vertex alone.
+  double* memory = scratch_tile(Scratch::kFlow, (kRows * kLanes + 2) * vertices);
+  double* gain = memory + kRows * kLanes * vertices;
+  double* inertia = gain + vertices;
+  for (std::size_t i = 0; i < vertices; ++i) {
+    gain[i] = soft.shear_modulus * step.dt / grid.weight[i];
+    if (i + 1 < vertices) inertia[i] = soft.density * grid.width[i] / step.dt;
+  }
+  const double kappa = kSqrt3 * soft.shear_modulus;  // stress per plastic strain  [Pa]
+  WaveTile tile{.step = step,
+                .num_cells = grid.num_cells(),
+                .gain = gain,
+                .inertia = inertia,
+                .law = {soft.hardening_exponent, std::min(soft.yield_strength_max / kSqrt3, kUnlimited),
+                        soft.temperature_coefficient},
+                .per_kappa = 1.0 / kappa,
+                .yield = soft.yield_strength / kSqrt3,
+                .beta = soft.hardening_coefficient,
+                .velocity_per_stress = velocity_per_stress(soft, grid, step.dt)};
+  for (const int l : lanes_of(lanes)) {
+    const Material pressed = at_pressure(soft, step.pressure[l]);
+    tile.T_melt[l] = pressed.melting_temperature;
+    tile.bracket[l] = SteinbergCochranGuinan::bracket_at(pressed, step.pressure[l]);
+  }
+  std::size_t next = 0;
+  const auto rows_of = [&] { return memory + next++ * kLanes * vertices; };
+  WaveRows rows{.strength = rows_of(),
+                .compliance = rows_of(),
+                .x = rows_of(),
+                .stress = rows_of(),
+                .velocity = rows_of(),
+                .stiffness = rows_of(),
+                .softening = rows_of(),
+                .direction = rows_of(),
+                .carry = rows_of(),
+                .coupling = rows_of(),
+                .before = rows_of(),
+                .answer = answer};
+  answer.guarded = 0;
+  std::uint32_t solved =
+      properties_of(soft.flow_law).has_wave_return ? SHEARBUS_CALL(solve_waves, tile, rows, lanes) : 0;
+  for (const int l : lanes_of(lanes & ~solved)) {
+    if (WaveSearch(tile, rows, at_pressure(soft, step.pressure[l]), l).solve()) solved |= 1u << l;
+  }
+  // While the friction limit holds the stress at z = 0 the vertex there flows by as much as this stress allows, DLP (48);
+  // the rest of its strain is slip of the interface.
+  for (const int l : lanes_of(solved)) {
+    answer.interface_slip[l] = 0.0;
+    if (!contains(rows.held, l)) continue;
+    const double trial = rows.trial_at_interface[l], own_kappa = kappa / step.give_near[l];
+    const double left = std::abs(trial) - step.coulomb[l], T0 = step.T_ad[l] + answer.flux[l] * step.response[0];
+    const double flow = LawReturn(at_pressure(soft, step.pressure[l]), step.pressure[l], step.dt)
+                            .strain_under(step.coulomb[l], step.strain[l], T0, left / own_kappa);
+    const double slip = std::max(0.0, left - own_kappa * flow) / (gain[0] / step.give_near[l]);
+    step.strain[l] += flow;
+    answer.slip_along[std::signbit(trial)][l] += kSqrt3 * grid.weight[0] * flow + slip * step.dt;
+    answer.interface_slip[l] = std::copysign(slip, trial);
+  }
+  return solved;
 }
 
 }  // namespace shearbus::physics

@@ -1,12 +1,13 @@
-// Shear waves in the layer of one node (MODEL.md, "Layer inertia"): DLP (36-37) with inertia, (42-48) at every vertex.
+// Shear waves in the layers of a tile (MODEL.md, "Layer inertia"): DLP (36-37) with inertia, (42-48) at every vertex.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "server/physics/layer/grid.hpp"
+#include "server/physics/layer/lanes.hpp"
 #include "server/physics/material/material.hpp"
-#include "server/physics/solver/model.hpp"
 
 namespace shearbus::physics {
 
@@ -25,53 +26,52 @@ namespace shearbus::physics {
 // of this face's vertex from t to t - (give - 1) s, give = 1 + G0 dt^2/(weight m). So the vertex returns a trial stress
 // t/give with the stiffness G0/give: its equation is the one above with weight give in place of weight.
 
-struct WaveStep {
-  const Material* soft;    // material of the soft body, with its properties at the pressure of the node
-  const Grid* grid;        // grid of at most kMaxInertiaCells cells
-  const double* response;  // response B: temperature rise of each vertex per unit heat flux at z = 0  [K m2/W]
-  double dt;               // length of the step                           [s]
-  double pressure;         // normal pressure P                            [Pa]
-  double jump;             // imposed velocity jump [V]                    [m/s]
-  double heat_share;       // share of the friction heat that enters the heat equation: Problem::heat_partition
-  double coulomb;          // friction limit mu P; infinity: no friction limit         [Pa]
-  double give_near = 1.0;  // how the bodies at z = 0 and at z = h give way; 1: their velocities are imposed
-  double give_far = 1.0;
-  bool forced = false;  // what the host changes in a step, a layer of little mass may follow by any amount
-};
-
 // The velocity that a stress causes, by a wave or by shearing the layer for one step, whichever is less  [m/(s Pa)].
 inline double velocity_per_stress(const Material& soft, const Grid& grid, double dt) {
   return std::min(1.0 / std::sqrt(soft.density * soft.shear_modulus), grid.vertex.back() / (soft.shear_modulus * dt));
 }
 
-// The fields of one node, with a value per cell for the velocity and per vertex for the others.
-struct WaveFields {
-  static constexpr int kPacket = 8;  // vertices per SIMD packet; the length of a Row is a multiple of this number
-  using Row = double[(kMaxInertiaCells / kPacket + 1) * kPacket];
-  alignas(64) Row T_ad;           // temperature after the step without friction  [K]
-  alignas(64) Row strain;         // plastic strain ep before the step
-  alignas(64) Row stress;         // stress s: before the step on entry, after the step on return  [Pa]
-  alignas(64) Row velocity;       // velocity v: before the step on entry, after the step on return  [m/s]
-  alignas(64) Row strain_growth;  // growth of the plastic strain in the step, dep
-  alignas(64) Row guess;          // velocities from which the search starts, if has_guess
-  bool has_guess = false;         // else it starts from those before the step
+// Largest number of Newton steps of the search of one lane, and of evaluations of the balance in its guarded search.
+inline constexpr int kWaveNewtonSteps = 60;
+inline constexpr int kWaveEvaluations = 200'000;
+
+struct WaveStep {
+  const Material* soft;    // material of the soft body, where it does not depend on pressure
+  const Grid* grid;        // grid of at most kMaxInertiaCells cells
+  const double* response;  // response B: temperature rise of each vertex per unit heat flux at z = 0  [K m2/W]
+  double dt;               // length of the step  [s]
+  double heat_share;       // share of the friction heat that enters the heat equation: Problem::heat_partition
+  alignas(64) double pressure[kLanes];  // normal pressure P  [Pa]
+  alignas(64) double jump[kLanes];      // imposed velocity jump [V]  [m/s]
+  alignas(64) double coulomb[kLanes];   // friction limit mu P; infinity: no friction limit  [Pa]
+  // How the bodies at z = 0 and at z = h give way; 1: their velocities are imposed.
+  alignas(64) double give_near[kLanes], give_far[kLanes];
+  // Rows [vertex or cell][lane]: temperatures after the step without friction; the state before the step, and after it
+  // in the lanes that are solved.
+  const double* T_ad;
+  double* strain;
+  double* stress;
+  double* velocity;
+  const double* guess = nullptr;  // velocities from which Newton's method starts; null: those before the step
+  bool tries_limit = false;       // whether the limit is tried before the stress without it, which may be far above
+  bool forced = false;            // what the host changes in a step, a layer of little mass may follow by any amount
+  int most_steps = 6;             // Newton steps of the lanes together, after which each is searched alone
+  int most_steps_alone = kWaveNewtonSteps;
 };
 
 struct WaveAnswer {
-  double flux = 0.0;            // heat flux q into the layer             [W/m2]
-  double interface_slip = 0.0;  // slip velocity v[-1] of the interface at z = 0, signed  [m/s]
-  int iterations = 0;           // number of Newton steps
-  bool guarded = false;         // true: Newton's method did not converge, and the guarded search (bisection of q) ran
-  bool found = true;            // false: the guarded search ended without balance, and the fields are meaningless
+  alignas(64) double flux[kLanes];           // heat flux q into the layer  [W/m2]
+  alignas(64) double slip_along[2][kLanes];  // flow and slip along stresses above 0, and along those below  [m]
+  double interface_slip[kLanes];             // slip velocity v[-1] of the interface at z = 0, signed  [m/s]
+  double iterations[kLanes];                 // Newton steps
+  std::uint32_t guarded;                     // lanes that needed the guarded search
 };
 
-// Solves all fields together by Newton's method. If it has not converged after `newton_steps`, a guarded search
-// follows. It bisects the heat flux q and minimises the energy of the step at each q, which works from any start
-// but may be long. `found` is false if it ends, after `evaluations` of the balance at the latest, without balanced
-// momentum.
-inline constexpr int kWaveNewtonSteps = 60;
-inline constexpr int kWaveEvaluations = 200'000;
-WaveAnswer advance_waves(const WaveStep& step, WaveFields& fields, int newton_steps = kWaveNewtonSteps,
-                         int evaluations = kWaveEvaluations);
+// Solves all fields together and returns the lanes of `lanes` that have an answer; the rows of the others are as before.
+// Lanes whose law of flow has a form for registers are first solved together by Newton's method; a lane that needs more
+// steps is searched alone. If Newton's method with a line search does not converge there, a guarded search bisects the
+// heat flux q and minimises the energy of the step at each q, which works from any start but may be long. A lane has no
+// answer if this ends, after kWaveEvaluations of the balance at the latest, without balanced momentum.
+std::uint32_t advance_waves(const WaveStep& step, std::uint32_t lanes, WaveAnswer& answer);
 
 }  // namespace shearbus::physics

@@ -1,10 +1,10 @@
-// The kernel of waves_wide.hpp; each_register.hpp includes this file once per register width. Each lane follows its own
-// iteration: its answer is written when it has converged, and what it computes while other lanes go on is not used.
-#if SHEARBUS_WIDTH > 1
+// Newton's method of waves.hpp for the lanes of one register; each_register.hpp includes this file once per register
+// width. Each lane follows its own iteration: its answer is written when it has converged, and what it computes while
+// other lanes go on is not used.
 
 [[gnu::always_inline]] inline Register with_sign_of(Register size, Register sign) {
   constexpr std::uint64_t kSign = 0x8000000000000000u;
-  return (Register)((Bits)size | ((Bits)sign & kSign));
+  return double_of(bits_of(size) | (bits_of(sign) & kSign));
 }
 
 // Softening g by DLP (15) at a temperature, and its logarithmic derivative; g = 0 where nothing is solid.
@@ -59,29 +59,32 @@ struct Returned {
           with_sign_of(magnitude(softening), -trial), where(yields, x, known)};
 }
 
-// Newton's method for the lanes of one register.
 class WaveLanes {
  public:
   [[gnu::always_inline]] WaveLanes(const WaveTile& tile, WaveRows& rows, int lane)
       : tile_(tile),
+        step_(tile.step),
         rows_(rows),
         lane_(lane),
         T_melt_(load(tile.T_melt + lane)),
         bracket_(load(tile.bracket + lane)),
-        jump_(load(tile.jump + lane)),
-        give_near_(load(tile.give_near + lane)),
-        give_far_(load(tile.give_far + lane)),
+        jump_(load(step_.jump + lane)),
+        give_near_(load(step_.give_near + lane)),
+        give_far_(load(step_.give_far + lane)),
         gain_near_(tile.gain[0] / give_near_),
         gain_far_(tile.gain[tile.num_cells] / give_far_) {}
 
+#if SHEARBUS_WIDTH > 1
   std::uint32_t solve(std::uint32_t wanted) {
     start();
     std::uint32_t solved = 0;
     Mask live = mask_of(wanted);
     Register iterations{};
-    for (int iteration = 0; iteration < tile_.most_steps && lanes_where(live) != 0; ++iteration) {
+    for (int iteration = 0; iteration < step_.most_steps && lanes_where(live) != 0; ++iteration) {
       live &= evaluate_interface(live);
-      evaluate();
+      return_vertices(1, [&](std::ptrdiff_t i, Register trial, Register T) __attribute__((always_inline)) {
+        return return_by_form(i, trial, T);
+      });
       const Size size = newton_direction();
       iterations += 1.0;
       live &= size.step <= kFarthestStep;  // not so if it is no number
@@ -93,12 +96,14 @@ class WaveLanes {
         solved |= found;
         live &= without(last);
       }
-      advance();
+      for (std::ptrdiff_t c = 0; c < tile_.num_cells; ++c)
+        put(at(rows_.velocity, c) + at(rows_.direction, c), rows_.velocity, c);
     }
     return solved;
   }
+#endif
 
- private:
+ protected:
   [[gnu::always_inline]] Register at(const double* rows, std::ptrdiff_t i) const {
     return load(rows + i * kLanes + lane_);
   }
@@ -113,21 +118,33 @@ class WaveLanes {
   [[gnu::always_inline]] Register give(std::ptrdiff_t i) const {
     return i == 0 ? give_near_ : i == tile_.num_cells ? give_far_ : all(1.0);
   }
+  [[gnu::always_inline]] Register gain(std::ptrdiff_t i) const {  // trial stress per velocity difference  [Pa s/m]
+    return i == 0 ? gain_near_ : i == tile_.num_cells ? gain_far_ : all(tile_.gain[i]);
+  }
+  [[gnu::always_inline]] Register velocity_behind(std::ptrdiff_t i) const {
+    return i < tile_.num_cells ? at(rows_.velocity, i) : jump_;
+  }
+  [[gnu::always_inline]] Register trial_at_interface() const {
+    return at(step_.stress, 0) + gain_near_ * at(rows_.velocity, 0);
+  }
 
   void start() {
     const double n = tile_.law.exponent;
+    const double* guess = step_.guess != nullptr ? step_.guess : step_.velocity;
     for (std::ptrdiff_t i = 0; i <= tile_.num_cells; ++i) {
-      const Register hardened = 1.0 + tile_.beta * at(tile_.strain, i);
+      const Register hardened = 1.0 + tile_.beta * at(step_.strain, i);
       put(tile_.yield * Exponential(n * log_of(hardened)).value(), rows_.strength, i);
       put((tile_.beta * tile_.per_kappa) / hardened * give(i), rows_.compliance, i);
       put(all(kUnknown), rows_.x, i);
-      if (i < tile_.num_cells) put(at(tile_.guess, i), rows_.velocity, i);
+      if (i < tile_.num_cells) put(at(guess, i), rows_.velocity, i);
     }
     interface_ = flux_ = flux_slope_ = Register{};
     held_ = Mask{};
   }
 
-  [[gnu::always_inline]] Softened softened_at(Register T) const { return softened(tile_.law, T_melt_, bracket_, T); }
+  [[gnu::always_inline]] Softened softened_at(Register T) const {
+    return softened(tile_.law, T_melt_, bracket_, T);
+  }
 
   // The stress that the vertex at z = 0 carries at the temperature that the stress a itself causes, where t is its
   // trial stress, with its derivatives d log(stress)/da and d stress/dt.
@@ -135,7 +152,7 @@ class WaveLanes {
     Register stress, log_slope, flow_slope;
   };
   [[gnu::always_inline]] Carried carried(Register a, Register t, Register rise) const {
-    const Softened soft = softened_at(at(tile_.T_ad, 0) + rise * a);
+    const Softened soft = softened_at(at(step_.T_ad, 0) + rise * a);
     const Register compliance = at(rows_.compliance, 0);
     const Register flow = 1.0 + compliance * (t - a);
     const Register hardened = at(rows_.strength, 0) * Exponential(tile_.law.exponent * log_of(flow)).value();
@@ -145,19 +162,39 @@ class WaveLanes {
     return {stress, rise * soft.log_slope - hardening, stress * hardening};
   }
 
-  // The return to the yield stress at z = 0 with the heat of the stress itself, as in waves.cpp. Returns the lanes that
-  // have it; for the others it is left to the search there.
-  Mask evaluate_interface(Mask live) {
-    const Register trial = at(tile_.stress, 0) + gain_near_ * at(rows_.velocity, 0);
+  // How the stress at z = 0 heats: its direction, that of the trial stress or of the jump while that stress is 0, and the
+  // heat flux per stress  [m/s].
+  struct Heating {
+    Register direction, per_stress;
+  };
+  [[gnu::always_inline]] Heating heating_under(Register trial) const {
     const Register direction = with_sign_of(all(1.0), where(trial == 0.0, jump_, trial));
-    const Register per_stress = tile_.heat_share * larger(direction * jump_, all(0.0));
-    const Register rise = per_stress * tile_.response[0];
+    return {direction, step_.heat_share * larger(direction * jump_, all(0.0))};
+  }
+  // The vertex at z = 0 carries a stress, or the friction limit holds it. `slope`: derivative of `stress` by `trial`.
+  [[gnu::always_inline]] void carry(Register trial, const Heating& heating, Register stress, Register slope) {
+    const Register limit = load(step_.coulomb + lane_);
+    held_ = stress > limit;
+    const Register size = where(held_, limit, stress), size_slope = where(held_, all(0.0), slope);
+    flux_ = heating.per_stress * size;
+    flux_slope_ = heating.direction * heating.per_stress * size_slope;
+    put(with_sign_of(size, trial), rows_.stress, 0);
+    put(size_slope * gain_near_, rows_.stiffness, 0);
+    put(Register{}, rows_.softening, 0);
+  }
+
+  // The return to the yield stress at z = 0 with the heat of the stress itself. Returns the lanes that have it; the
+  // others are left to WaveSearch.
+  Mask evaluate_interface(Mask live) {
+    const Register trial = trial_at_interface();
+    const Heating heating = heating_under(trial);
+    const Register rise = heating.per_stress * step_.response[0];
     const Register t = magnitude(trial);
     const Mask elastic = carried(t, t, rise).stress >= t;
     Register lo{}, hi = smaller(t, carried(all(0.0), t, rise).stress);
     Mask todo = live & without(elastic), capped{};
-    if (tile_.tries_limit) {
-      const Register limit = load(tile_.coulomb + lane_);
+    if (step_.tries_limit) {
+      const Register limit = load(step_.coulomb + lane_);
       capped = todo & (limit < t) & (carried(smaller(limit, t), t, rise).stress > limit);
       todo &= without(capped);
     }
@@ -186,50 +223,46 @@ class WaveLanes {
       a = where(todo, where(found, best, where(inside, next, 0.5 * (lo + hi))), a);
       todo &= without(found);
     }
-    const Register carried_stress = where(molten, all(0.0), where(elastic | capped, t, a));
-    const Mask held = carried_stress > load(tile_.coulomb + lane_);
-    const Register size = where(held, load(tile_.coulomb + lane_), carried_stress);
-    const Register size_slope = where(held, all(0.0), where(elastic, all(1.0), slope));
     interface_ = where(elastic | molten | capped, interface_, a);
-    flux_ = per_stress * size;
-    flux_slope_ = direction * per_stress * size_slope;
-    held_ = held;
-    put(with_sign_of(size, trial), rows_.stress, 0);
-    put(size_slope * gain_near_, rows_.stiffness, 0);
-    put(Register{}, rows_.softening, 0);
+    carry(trial, heating, where(molten, all(0.0), where(elastic | capped, t, a)), where(elastic, all(1.0), slope));
     return without(lost | todo);
   }
 
-  // The returns to the yield stress of the other vertices.
-  void evaluate() {
-    const ReturnLaw law = tile_.law;
-    Register before = at(rows_.velocity, 0);
-    for (std::ptrdiff_t i = 1; i <= tile_.num_cells; ++i) {
-      const bool inside = i < tile_.num_cells;
-      const Register v = inside ? at(rows_.velocity, i) : jump_, gain = inside ? all(tile_.gain[i]) : gain_far_;
-      const Register trial = at(tile_.stress, i) + gain * (v - before);
+  // The returns of the vertices from `first` on to the yield stress by `return_of(vertex, trial stress, temperature)`.
+  template <class ReturnOf>
+  [[gnu::always_inline]] void return_vertices(std::ptrdiff_t first, const ReturnOf& return_of) {
+    Register before = first > 0 ? at(rows_.velocity, first - 1) : Register{};
+    for (std::ptrdiff_t i = first; i <= tile_.num_cells; ++i) {
+      const Register v = velocity_behind(i), stiffness = gain(i);
+      const Register trial = at(step_.stress, i) + stiffness * (v - before);
       before = v;
-      const Softened soft = softened(law, T_melt_, bracket_, at(tile_.T_ad, i) + flux_ * tile_.response[i]);
-      const Register strength = at(rows_.strength, i);
-      const Mask yields = yielding(law, trial, soft, strength);
-      if (lanes_where(yields) == 0) {
-        put(trial, rows_.stress, i);
-        put(gain, rows_.stiffness, i);
-        put(Register{}, rows_.softening, i);
-        continue;
-      }
-      const Returned now = returned(law, yields, trial, soft, strength, at(rows_.compliance, i), at(rows_.x, i));
+      const Returned now = return_of(i, trial, at(step_.T_ad, i) + flux_ * step_.response[i]);
       put(now.stress, rows_.stress, i);
-      put(now.slope * gain, rows_.stiffness, i);
-      put(now.softening * tile_.response[i], rows_.softening, i);
-      put(now.x, rows_.x, i);
+      put(now.slope * stiffness, rows_.stiffness, i);
+      put(now.softening * step_.response[i], rows_.softening, i);
     }
+  }
+  [[gnu::always_inline]] Returned return_by_form(std::ptrdiff_t i, Register trial, Register T) {
+    const Softened soft = softened_at(T);
+    const Register strength = at(rows_.strength, i);
+    const Mask yields = yielding(tile_.law, trial, soft, strength);
+    if (lanes_where(yields) == 0) return {trial, all(1.0), Register{}, Register{}};
+    const Returned now = returned(tile_.law, yields, trial, soft, strength, at(rows_.compliance, i), at(rows_.x, i));
+    put(now.x, rows_.x, i);
+    return now;
   }
 
   struct Size {
     Register step, velocity, stress, residual;  // largest magnitudes of the layer
   };
-  // Newton's step of the velocities, by the elimination of waves.cpp.
+  // Newton's step of the cell velocities, in rows_.direction: solves the linearised balance of momentum, one equation
+  // (row) per cell. The elimination goes from the far end of the layer to z = 0. It adds the terms of stiffness and
+  // inertia without a difference, so these terms do not cancel. "Behind" is farther from z = 0, "before" nearer. Row c
+  // becomes
+  //   dv[c] = constant[c] + carry[c] dv[c-1] + coupling[c] dv[0],
+  // where the last term is the softening by the heat that the stress at z = 0 causes. stiffness: fall of the stress
+  // behind a cell per velocity of the cell; excess: diagonal of a cell's equation without the vertex before it; heat and
+  // pushed: what the eliminated rows behind add to a row's coefficient of dv[0] and to its residual.
   Size newton_direction() {
     Register stiffness{}, excess{}, heat{}, pushed{};
     const Register heat_gain = flux_slope_ * gain_near_;
@@ -242,20 +275,20 @@ class WaveLanes {
       if (i < tile_.num_cells) {
         const Register v = at(rows_.velocity, i);
         size.velocity = larger(size.velocity, magnitude(v));
-        const Register residual = stress_behind - s - tile_.inertia[i] * (v - at(tile_.velocity, i));
+        const Register residual = stress_behind - s - tile_.inertia[i] * (v - at(step_.velocity, i));
         size.residual = larger(size.residual, magnitude(residual));
         const Register pivot = excess + k;
         const Register inverse = 1.0 / pivot;
         if (i > 0) {
           const Register constant = (residual + pushed) * inverse, carry = k * inverse;
-          put(constant, rows_.constant, i);
+          put(constant, rows_.direction, i);
           put(carry, rows_.carry, i);
           put((heat - softens) * inverse, rows_.coupling, i);
           pushed = k * constant;
           stiffness = carry * excess;
           heat = softens * (excess * inverse) + carry * heat;
         } else {
-          put((residual + pushed) / larger(pivot - heat, 0.5 * pivot), rows_.constant, 0);
+          put((residual + pushed) / larger(pivot - heat, 0.5 * pivot), rows_.direction, 0);
         }
       } else {
         heat = softens;
@@ -264,12 +297,12 @@ class WaveLanes {
       stress_behind = s;
       if (i > 0) excess = tile_.inertia[i - 1] + stiffness;
     }
-    const Register first = at(rows_.constant, 0);
+    const Register first = at(rows_.direction, 0);
     Register d = first, odd = 0.0 * d;  // odd: no number if a step is none, which the largest does not show
     size.step = magnitude(d);
     for (std::ptrdiff_t c = 1; c < tile_.num_cells; ++c) {
-      d = at(rows_.constant, c) + at(rows_.carry, c) * d + at(rows_.coupling, c) * first;
-      put(d, rows_.constant, c);
+      d = at(rows_.direction, c) + at(rows_.carry, c) * d + at(rows_.coupling, c) * first;
+      put(d, rows_.direction, c);
       size.step = larger(size.step, magnitude(d));
       odd += 0.0 * d;
     }
@@ -277,40 +310,34 @@ class WaveLanes {
     return size;
   }
 
-  void advance() {
-    for (std::ptrdiff_t c = 0; c < tile_.num_cells; ++c)
-      put(at(rows_.velocity, c) + at(rows_.constant, c), rows_.velocity, c);
-  }
-
   // Writes the answers of the lanes whose next Newton step would change nothing: the iterate itself, whose stresses have
   // been evaluated, and the sums of its slip. The flow of a vertex that friction holds is left to the caller.
   void write(Mask solved, Register iterations) {
     Register positive{}, negative{}, before{};
     for (std::ptrdiff_t i = 0; i <= tile_.num_cells; ++i) {
-      const bool inside = i < tile_.num_cells;
-      const Register v = inside ? at(rows_.velocity, i) : jump_;
-      const Register gain = i == 0 ? gain_near_ : inside ? all(tile_.gain[i]) : gain_far_;
-      const Register trial = at(tile_.stress, i) + gain * (v - before), s = at(rows_.stress, i);
+      const Register v = velocity_behind(i), s = at(rows_.stress, i);
+      const Register trial = at(step_.stress, i) + gain(i) * (v - before);
       before = v;
       if (i == 0) put(solved, trial, rows_.trial_at_interface, 0);
       Register growth = larger(magnitude(trial) - magnitude(s), all(0.0)) * tile_.per_kappa * give(i);
       if (i == 0) growth = where(held_, all(0.0), growth);
-      const Register slip = (kSqrt3 * tile_.weight[i]) * growth;
-      const Mask below = ((Bits)s >> 63) != 0;
+      const Register slip = (kSqrt3 * step_.grid->weight[static_cast<std::size_t>(i)]) * growth;
+      const Mask below = (bits_of(s) >> 63) != 0;
       positive += where(below, all(0.0), slip);
       negative += where(below, slip, all(0.0));
-      put(solved, at(tile_.strain, i) + growth, tile_.strain, i);
-      put(solved, s, tile_.stress, i);
-      if (inside) put(solved, v, tile_.velocity, i);
+      put(solved, at(step_.strain, i) + growth, step_.strain, i);
+      put(solved, s, step_.stress, i);
+      if (i < tile_.num_cells) put(solved, v, step_.velocity, i);
     }
-    put(solved, positive, rows_.slip_along[0], 0);
-    put(solved, negative, rows_.slip_along[1], 0);
-    put(solved, flux_, rows_.flux, 0);
-    put(solved, iterations, rows_.iterations, 0);
+    put(solved, positive, rows_.answer.slip_along[0], 0);
+    put(solved, negative, rows_.answer.slip_along[1], 0);
+    put(solved, flux_, rows_.answer.flux, 0);
+    put(solved, iterations, rows_.answer.iterations, 0);
     rows_.held |= lanes_where(held_ & solved) << lane_;
   }
 
   const WaveTile& tile_;
+  const WaveStep& step_;
   WaveRows& rows_;
   int lane_;
   Register T_melt_, bracket_, jump_, give_near_, give_far_;
@@ -320,6 +347,7 @@ class WaveLanes {
   Mask held_;       // the friction limit holds the stress at z = 0
 };
 
+#if SHEARBUS_WIDTH > 1
 inline std::uint32_t solve_waves(const WaveTile& tile, WaveRows& rows, std::uint32_t lanes) {
   std::uint32_t solved = 0;
   for (int lane = 0; lane < kLanes; lane += kWidth) {
@@ -328,21 +356,4 @@ inline std::uint32_t solve_waves(const WaveTile& tile, WaveRows& rows, std::uint
   }
   return solved;
 }
-
-inline void return_to_yield(const ReturnLaw& law, double T_melt, double bracket, int num_vertices, ReturnRows& rows,
-                            double* stress) {
-  for (int i = 0; i < num_vertices; i += kWidth) {
-    const Register t = load(rows.t + i), strength = load(rows.strength + i);
-    const Softened soft = softened(law, all(T_melt), all(bracket), load(rows.T + i));
-    const Mask yields = yielding(law, t, soft, strength);
-    const Returned now = lanes_where(yields) == 0
-                             ? Returned{t, all(1.0), Register{}, load(rows.x + i)}
-                             : returned(law, yields, t, soft, strength, load(rows.compliance + i), load(rows.x + i));
-    store(now.stress, stress + i);
-    store(now.slope, rows.slope + i);
-    store(now.softening, rows.softening + i);
-    store(now.x, rows.x + i);
-  }
-}
-
 #endif
