@@ -81,8 +81,9 @@ TEST(PhysicsForceDrivenKernels, SearchTheLanesOfEveryLawTogether) {
   }
 }
 
-// The kernel of one lane (substeps and sleeping nodes) has the bits of the kernels over all lanes.
-TEST(PhysicsForceDrivenKernels, OneLaneHasTheBitsOfItsTile) {
+// The search of one lane (substeps, sleeping nodes and layers that flow) has the answers of the kernels over all lanes.
+TEST(PhysicsForceDrivenKernels, OneLaneAgreesWithItsTile) {
+  constexpr double kSame = 1e-10;
   Draw draw(31);
   int compared = 0, hardened = 0;
   for (int scene = 0; scene < 60; ++scene) {
@@ -111,13 +112,16 @@ TEST(PhysicsForceDrivenKernels, OneLaneHasTheBitsOfItsTile) {
         const LaneStep alone =
             interface_step.from(InterfaceStep::before(problem.layout, rig.inputs, before.data(), l), dt,
                                 *heat.layer_response(), T[static_cast<std::size_t>(heat.interface * kLanes + l)]);
-        ASSERT_EQ(alone.stress, rig.outputs.shear_stress[l]) << "scene " << scene << ", step " << step;
-        ASSERT_EQ(alone.slip, rig.outputs.sliding_velocity[l]);
-        ASSERT_EQ(alone.jump_new, rig.outputs.velocity_jump_new[l]);
+        // A slip next to rest is a difference of jumps.
+        const double jumps = std::abs(alone.slip) + std::abs(alone.jump_new) + std::abs(rig.inputs.velocity_jump[l]);
+        ASSERT_NEAR(alone.stress, rig.outputs.shear_stress[l], kSame * std::abs(alone.stress))
+            << "scene " << scene << ", step " << step;
+        ASSERT_NEAR(alone.slip, rig.outputs.sliding_velocity[l], kSame * jumps);
+        ASSERT_NEAR(alone.jump_new, rig.outputs.velocity_jump_new[l], kSame * jumps);
         ASSERT_EQ(alone.regime, rig.outputs.regime[l]);
         ++compared;
         if (!options.junctions) continue;
-        ASSERT_EQ(interface_step.contact.junction_strain, rig.junction_strain(l));
+        ASSERT_NEAR(interface_step.contact.junction_strain, rig.junction_strain(l), kSame * rig.junction_strain(l));
         hardened += alone.regime == Regime::kTresca;
       }
     }

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 
 #include "tests/support/random_physics.hpp"
@@ -27,7 +26,8 @@ void set_masses(Rig& rig, double zone = 5e-6) {
 
 // A layer of unlimited strength never flows. If the host's plastic strain rate is 0, the step must therefore equal that
 // of the model without a plastic layer, to the last bit.
-TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
+TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModel) {
+  constexpr double kSame = 1e-9;  // the kernels for a tile and the search for a lane
   Draw draw(21);
   for (int scene = 0; scene < 60; ++scene) {
     ModelOptions options = random_options(draw, Strategy::kForceDriven, scene % 2 == 1);
@@ -36,9 +36,6 @@ TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
     // a layer that melts as the pressure falls would have no strength
     options.soft.melting_curve = MeltingCurve::kConstant;
     options.soft.yield_strength_max = std::numeric_limits<double>::infinity();
-    // other contacts are solved by kernels for a tile, which differ in the last digit from those for a lane
-    options.interface.friction_law = FrictionLaw{};
-    options.junctions.reset();
     options.plastic_layer = true;
     options.modes.reset();
     options.time_integrator = TimeIntegrator::kBackwardEuler;
@@ -58,13 +55,15 @@ TEST(PhysicsPlasticLayer, StrongLayerIsTheSimplifiedModelBitForBit) {
       const double dt = random_dt(draw, scene % 2 == 1);
       rig.step(dt);
       other.step(dt);
-      const std::size_t vertices = rig.model.layout().num_vertices * kLanes * sizeof(double);
-      ASSERT_EQ(std::memcmp(rig.committed.data(), other.committed.data(), vertices), 0) << scene << " " << step;
       for (int l = 0; l < kLanes; ++l) {
-        ASSERT_EQ(rig.outputs.shear_stress[l], other.outputs.shear_stress[l]);
-        ASSERT_EQ(rig.outputs.sliding_velocity[l], other.outputs.sliding_velocity[l]);
-        ASSERT_EQ(rig.outputs.velocity_jump_new[l], other.outputs.velocity_jump_new[l]);
-        ASSERT_EQ(rig.outputs.friction_heat[l], other.outputs.friction_heat[l]);
+        const double stress = rig.outputs.shear_stress[l], heat = rig.outputs.friction_heat[l];
+        const double jumps = std::abs(rig.inputs.velocity_jump[l]) + std::abs(rig.outputs.velocity_jump_new[l]);
+        ASSERT_NEAR(stress, other.outputs.shear_stress[l], kSame * std::abs(stress)) << scene << " " << step;
+        ASSERT_NEAR(rig.outputs.sliding_velocity[l], other.outputs.sliding_velocity[l], kSame * jumps);
+        ASSERT_NEAR(rig.outputs.velocity_jump_new[l], other.outputs.velocity_jump_new[l], kSame * jumps);
+        ASSERT_NEAR(heat, other.outputs.friction_heat[l], kSame * std::abs(heat));
+        for (int i = 0; i < rig.model.grid().num_vertices(); ++i)
+          ASSERT_NEAR(rig.T(i, l), other.T(i, l), kSame * other.T(i, l)) << i;
         ASSERT_EQ(rig.outputs.regime[l], other.outputs.regime[l]);
         ASSERT_EQ(rig.outputs.outcome[l], other.outputs.outcome[l]);
         ASSERT_EQ(rig.plastic_slip(l), 0.0);

@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
-#include "server/physics/solver/force_driven/wide_slip.hpp"
 #include "server/physics/solver/problem.hpp"
 
 namespace shearbus::physics {
@@ -31,7 +29,6 @@ LaneStep open_step(const Forcing& forcing, double dt, double jump_old) {
 
 LaneStep rigid_slip(const StressLimit& strength, const TrialSlip& trial, double heat_partition, double B0, double T_ad,
                     double guess, bool stuck) {
-  if (const auto quick = quick_slip(strength, trial, heat_partition, B0, T_ad, guess)) return *quick;
   const FrictionHeating heating = trial.slipping(T_ad, heat_partition * B0);
 
   // 1. Stick: no slip at the end of the step, if the interface carries the stress that sticking needs. (With the

@@ -21,12 +21,6 @@ bool has_wide_softening(FlowLaw flow_law) {
   return FlowLaws::with(flow_law, [](auto law) { return kHasWideSoftening<typename decltype(law)::type>; });
 }
 
-// Whether the search for one lane has the form of this limit.
-bool has_quick_form(const StressLimit& limit) {
-  return limit.varying == nullptr && std::isfinite(limit.tresca) && !limit.soft->varies_with_compression() &&
-         has_wide_softening(limit.soft->flow_law);
-}
-
 }  // namespace
 
 WideJunctions::WideJunctions(const JunctionOptions& options, double per_slip)
@@ -86,31 +80,6 @@ void write_answer(const Problem& problem, const WideAnswer& answer, std::uint32_
     outputs.regime[l] = static_cast<Regime>(static_cast<int>(answer.regime[l]));
     outputs.outcome[l] = 0;
   }
-}
-
-std::optional<LaneStep> quick_slip(const StressLimit& limit, const TrialSlip& trial, double heat_partition, double B0,
-                                   double T_ad, double guess) {
-  if (!has_quick_form(limit) || limit.offset != 0.0) return {};
-  const FrictionHeating heating = trial.slipping(T_ad, heat_partition * B0);
-  const Material& soft = *limit.soft;
-  one::Lanes<false> lane{heating.T_ad,
-                         heating.rise,
-                         heating.c,
-                         heating.b,
-                         limit.coulomb,
-                         limit.offset,
-                         soft.melting_temperature,
-                         1.0 + soft.pressure_coefficient * limit.pressure,
-                         limit.tresca,
-                         soft.temperature_coefficient};
-  std::optional<WideJunctions> junctions;
-  if (limit.junctions.options != nullptr) {
-    lane.junctions = &junctions.emplace(*limit.junctions.options, limit.junctions.strain_per_slip);
-    lane.strain_old = limit.junctions.strain_old;
-  }
-  return one::slip_of_lane(lane,
-                           {trial.jump_free, trial.per_stress, trial.direction, trial.jump_old, trial.stress_stick},
-                           heat_partition, B0, guess, limit.effort);
 }
 
 }  // namespace shearbus::physics

@@ -84,11 +84,6 @@ std::uint32_t wide_slip(const WideStep& step, const WideStage& whole, WideAnswer
 void write_answer(const Problem& problem, const WideAnswer& answer, std::uint32_t found, double* trial,
                   TileOutputs& outputs);
 
-// The same algorithm for one lane, with or without junctions. Returns nothing where the limit has another form, the
-// answer may not be unique, or the search fails: rigid_slip() then takes the general way.
-std::optional<LaneStep> quick_slip(const StressLimit& limit, const TrialSlip& trial, double heat_partition, double B0,
-                                   double T_ad, double guess);
-
 // Largest accepted |stress of a sliding interface - its limit| of a second stage, relative to the stress.
 inline constexpr double kMet = 1e-9;
 

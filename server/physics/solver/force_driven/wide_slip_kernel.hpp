@@ -1,5 +1,6 @@
-// The kernels of wide_slip() and of the stages of second order, and, in the namespace `one`, of quick_slip();
-// each_register.hpp includes this file once per register width.
+// The kernels of wide_slip() and of the stages of second order; each_register.hpp includes this file once per register
+// width.
+#if SHEARBUS_WIDTH > 1
 
 // A lane that needs more rounds of Newton's method is left to slip_stress().
 inline constexpr int kRounds = 12;
@@ -181,25 +182,6 @@ template <bool kPlain>
           where(sticks, all(number(Regime::kStick)), where(rubs, all(number(Regime::kCoulomb)), yields)),
           static_cast<Mask>(settled(s, search, trial.stress_stick) & solid)};
 }
-
-#if SHEARBUS_WIDTH == 1
-
-template <bool kPlain>
-inline std::optional<LaneStep> slip_of_lane(const Lanes<kPlain>& s, const Trial& trial, double heat_partition,
-                                            double B0, double guess, SearchEffort* effort) {
-  Search search = begin(s, trial.stress_stick, guess, true);
-  if (!search.active) return {};
-  for (int round = 0; search.active && round < kRounds; ++round) {
-    if (effort != nullptr) ++effort->limit_values;
-    improve(s, search);
-  }
-  const Found found = conclude(s, trial, search, heat_partition, B0);
-  if (!found.sure) return {};
-  const Regime regime = static_cast<Regime>(static_cast<int>(found.regime));
-  return LaneStep{found.stress, found.slip, found.jump_new, found.flux, regime, regime == Regime::kStick, true, false};
-}
-
-#else
 
 // Searches the lanes `active` of all registers together, until none is left. Returns the lanes that have ended.
 template <bool kPlain>
