@@ -1,10 +1,7 @@
 // The limit of the interface in registers, for the kernels of wide_slip_kernel.hpp, which includes this file once per
 // register width.
 
-// The limit and the heating of the lanes of one register, with the names of StressLimit and FrictionHeating. kPlain: the
-// limit has no junctions, and its friction does not depend on temperature. `if constexpr` then spares the search the
-// questions, a tenth of its instructions.
-template <bool kPlain>
+// The limit and the heating of the lanes of one register, with the names of StressLimit and FrictionHeating.
 struct Lanes {
   Register T_ad, rise, c, b;
   // Friction stress; infinity: none below the other limits. If friction falls with temperature: its value at T_ad.
@@ -21,8 +18,8 @@ struct Lanes {
   struct Strength {
     Register value, growth;
   };
-  [[gnu::always_inline]] bool has_junctions() const { return !kPlain && junctions != nullptr; }
-  [[gnu::always_inline]] bool is_softened() const { return !kPlain && softens != nullptr; }
+  [[gnu::always_inline]] bool has_junctions() const { return junctions != nullptr; }
+  [[gnu::always_inline]] bool is_softened() const { return softens != nullptr; }
   [[gnu::always_inline]] Strength strength(Register slip) const {
     if (!has_junctions()) return {all(tresca), all(0.0)};
     const Register drawn = 1.0 + junctions->hardening * (strain_old + junctions->strain_per_slip * slip);
@@ -68,12 +65,10 @@ struct Lanes {
 
 // Where slip_is_unique() holds, decided by bounds that need no exponential of the melting factor. `end`: an upper bound
 // of the stress up to which the answer must be unique.
-template <bool kPlain>
-[[gnu::always_inline]] inline Mask heats_more_up_to(const Lanes<kPlain>& s, Register end) {
+[[gnu::always_inline]] inline Mask heats_more_up_to(const Lanes& s, Register end) {
   return (2.0 * s.b * end <= s.c) | (s.c <= 0.0);
 }
-template <bool kPlain>
-[[gnu::always_inline]] inline Mask falls_steadily(const Lanes<kPlain>& s, Register end) {
+[[gnu::always_inline]] inline Mask falls_steadily(const Lanes& s, Register end) {
   constexpr double kAlmost = 0.999999;  // covers the rounding of these bounds
   const Register melting_scale = SteinbergCochranGuinan::kMeltingFactor * s.T_melt;
   const Register hottest = s.T_ad + s.rise * (0.25 * s.c * s.c / s.b);
@@ -100,7 +95,7 @@ template <bool kPlain>
 // comes to the left of the smallest zero and stays there. Returns the lanes whose friction was found and is a constant
 // in the rest of the step, also for a node that sticks: those in which friction cannot return to above the stress.
 [[gnu::always_inline]] inline Mask find_sliding(const FallsWithSlip& law, Register pressure, Register a_stick,
-                                                Register guess, Mask wanted, Lanes<true>& s, SearchEffort* effort) {
+                                                Register guess, Mask wanted, Lanes& s, SearchEffort* effort) {
   constexpr int kSlidingRounds = 20;
   constexpr double kFound = 1e-10;     // largest last step, relative to the stress: the error is about its square
   constexpr double kLeastFall = 1e-3;  // least -dh/da: closer to a double zero rounding decides

@@ -38,8 +38,6 @@ struct WideInterface {
     return yields_finitely && !std::holds_alternative<NoForm>(friction) &&
            !(junctions && std::holds_alternative<FallsWithSlip>(friction));
   }
-  // Whether there are no junctions and friction does not depend on temperature.
-  bool is_plain() const { return !junctions && !std::holds_alternative<FallsWithTemperature>(friction); }
 
   const TileInputs& inputs;
   const LaneMaterials& soft_at;

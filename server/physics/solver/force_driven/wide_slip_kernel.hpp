@@ -34,14 +34,13 @@ struct Search {
   Register a, low, high, end, answer;
 };
 
-template <bool kPlain>
-[[gnu::always_inline]] inline void improve(const Lanes<kPlain>& s, Search& search) {
+[[gnu::always_inline]] inline void improve(const Lanes& s, Search& search) {
   const Register a = search.a;
   const Register v = s.c - s.b * a;
   const Mask slips = v > 0.0;
   const Register slip = where(slips, v, all(0.0));
   const Register T = s.T_ad + s.rise * (a * slip);
-  const typename Lanes<kPlain>::Strength strength = s.strength(slip);
+  const Lanes::Strength strength = s.strength(slip);
   const Register to_melting = s.T_melt - T, bracket = s.bracket(T);
   Mask solid = (to_melting > 0.0) & (bracket > 0.0);
   const Register x = where(solid, to_melting, all(1.0)), g = where(solid, bracket, all(1.0));
@@ -60,7 +59,7 @@ template <bool kPlain>
   Mask rubs{};                                                                                  // friction is the limit
   Register gap{}, change{};  // of the logarithms of yield and friction: their difference; bound of its derivative by T
   if (s.is_softened()) {
-    const typename Lanes<kPlain>::Softened friction = s.softened(T);
+    const Lanes::Softened friction = s.softened(T);
     const Register share = s.load * friction.kept * (inverse * xg);
     solid &= share > kLeastStress;
     // Below the reference temperature friction is `coulomb`, which the end of the bracket does not exceed.
@@ -99,15 +98,13 @@ template <bool kPlain>
 }
 
 // A bound of the limit without any heat.
-template <bool kPlain>
-[[gnu::always_inline]] inline Register unheated_limit(const Lanes<kPlain>& s) {
+[[gnu::always_inline]] inline Register unheated_limit(const Lanes& s) {
   return s.offset + smaller(s.coulomb, s.strength(s.slip(all(0.0))).value * s.bracket(s.T_ad));
 }
 
 // Begins the search for the smallest of `a_stick` and the root of the spare strength. `wanted`: lanes to search.
 // `unheated_bound`: where to write the smallest of `a_stick` and the limit without heat.
-template <bool kPlain>
-[[gnu::always_inline]] inline Search begin(const Lanes<kPlain>& s, Register a_stick, Register guess, Mask wanted,
+[[gnu::always_inline]] inline Search begin(const Lanes& s, Register a_stick, Register guess, Mask wanted,
                                            Register* unheated_bound = nullptr) {
   Search search{};
   const Register unheated = unheated_limit(s);
@@ -130,15 +127,13 @@ template <bool kPlain>
 }
 
 // Whether the search is accurate for an interface whose temperature after the step is T.
-template <bool kPlain>
-[[gnu::always_inline]] inline Mask is_accurate(const Lanes<kPlain>& s, Register T) {
+[[gnu::always_inline]] inline Mask is_accurate(const Lanes& s, Register T) {
   return s.bracket(T) > (kNearWeakest * s.hT) * (s.T_melt - T);
 }
 
 // Whether the search has found the answer: the root, or the end of the bracket if the node sticks or rubs there. A root
 // inside the bracket rules out that the node sticks. `a_stick`: stress at which it sticks.
-template <bool kPlain>
-[[gnu::always_inline]] inline Mask settled(const Lanes<kPlain>& s, const Search& search, Register a_stick) {
+[[gnu::always_inline]] inline Mask settled(const Lanes& s, const Search& search, Register a_stick) {
   const Register a = search.answer;
   const Mask at_end = search.ended & ((a == a_stick) | (a == s.offset + s.coulomb));
   Mask root = without(search.ended) & (a < (1.0 - kClear) * a_stick);
@@ -161,8 +156,7 @@ struct Found {
   return static_cast<double>(regime);
 }
 
-template <bool kPlain>
-[[gnu::always_inline]] inline Found conclude(const Lanes<kPlain>& s, const Trial& trial, const Search& search,
+[[gnu::always_inline]] inline Found conclude(const Lanes& s, const Trial& trial, const Search& search,
                                              double heat_partition, double B0) {
   const Register a = search.answer;
   const Mask sticks = search.ended & (a == trial.stress_stick);
@@ -184,8 +178,7 @@ template <bool kPlain>
 }
 
 // Searches the lanes `active` of all registers together, until none is left. Returns the lanes that have ended.
-template <bool kPlain>
-[[gnu::always_inline]] inline std::uint32_t search_all(const Lanes<kPlain> (&lanes)[kParts], Search (&search)[kParts],
+[[gnu::always_inline]] inline std::uint32_t search_all(const Lanes (&lanes)[kParts], Search (&search)[kParts],
                                                        std::uint32_t active, SearchEffort* effort) {
   const std::uint32_t begun = active;
   int values = 0;
@@ -217,23 +210,22 @@ class Interface {
   }
 
   // The limit of the lanes from l on, times `factor`, plus `offset` (StressLimit::scaled()).
-  template <bool kPlain>
-  [[gnu::always_inline]] Lanes<kPlain> lanes(std::ptrdiff_t l, Register T_ad, double rise, Register c, Register b,
-                                             double factor, Register offset) const {
+  [[gnu::always_inline]] Lanes lanes(std::ptrdiff_t l, Register T_ad, double rise, Register c, Register b,
+                                     double factor, Register offset) const {
     const Register pressure = load(in_.inputs.pressure + l);
-    Lanes<kPlain> s{T_ad,
-                    all(rise),
-                    c,
-                    b,
-                    constant_ != nullptr ? (constant_->coefficient * pressure) * factor
-                                         : all(std::numeric_limits<double>::infinity()),
-                    offset,
-                    uniform_ ? all(soft_.melting_temperature) : load(T_melt_ + l),
-                    1.0 + (uniform_ ? all(soft_.pressure_coefficient) : load(pressure_coefficient_ + l)) * pressure,
-                    in_.tresca * factor,
-                    soft_.temperature_coefficient,
-                    in_.junctions ? &*in_.junctions : nullptr,
-                    softens_};
+    Lanes s{T_ad,
+            all(rise),
+            c,
+            b,
+            constant_ != nullptr ? (constant_->coefficient * pressure) * factor
+                                 : all(std::numeric_limits<double>::infinity()),
+            offset,
+            uniform_ ? all(soft_.melting_temperature) : load(T_melt_ + l),
+            1.0 + (uniform_ ? all(soft_.pressure_coefficient) : load(pressure_coefficient_ + l)) * pressure,
+            in_.tresca * factor,
+            soft_.temperature_coefficient,
+            in_.junctions ? &*in_.junctions : nullptr,
+            softens_};
     if (s.has_junctions()) s.strain_old = load(in_.junction_strain + l);
     if (s.is_softened()) {
       s.load = (softens_->cold * pressure) * factor;
@@ -261,25 +253,20 @@ struct Forces {
   Register acceleration, mobility;
 };
 
-// Whether a lane may change suddenly (changes_suddenly()), by a bound without an exponential. `bound`: that of begin();
-// plain lanes have it again for less than keeping it costs.
-template <bool kPlain>
-[[gnu::always_inline]] inline Mask seems_sudden(const Lanes<kPlain>& s, const Trial& trial, const Search& search,
-                                                Register bound) {
-  const Register fall = (kPlain ? smaller(trial.stress_stick, unheated_limit(s)) : bound) - search.answer;
+// Whether a lane may change suddenly (changes_suddenly()), by a bound without an exponential. `bound`: that of begin().
+[[gnu::always_inline]] inline Mask seems_sudden(const Trial& trial, const Search& search, Register bound) {
+  const Register fall = bound - search.answer;
   return (trial.stress_stick < fall * (1.0 / kMostSudden)) | (trial.jump_old < 0.0);
 }
 
-template <bool kPlain>
-[[gnu::always_inline]] inline std::uint32_t slip_step_of(const WideStep& in, const WideStage& whole,
-                                                         WideAnswer& answer) {
+inline std::uint32_t slip_step(const WideStep& in, const WideStage& whole, WideAnswer& answer) {
   const TileInputs& host = in.interface.inputs;
   const Interface interface(in.interface);
-  [[maybe_unused]] const auto* by_slip = std::get_if<FallsWithSlip>(&in.interface.friction);
-  Lanes<kPlain> lanes[kParts];
+  const auto* by_slip = std::get_if<FallsWithSlip>(&in.interface.friction);
+  Lanes lanes[kParts];
   Trial trial[kParts];
   Search search[kParts];
-  Register bound[kParts];  // unless kPlain
+  Register bound[kParts];
 
   // 1. The trial slip, the heating and the limit of each lane.
   std::uint32_t active = 0;
@@ -294,16 +281,13 @@ template <bool kPlain>
     const Register direction = where(leads < 0.0, all(-1.0), all(1.0));
     const Register jump_old = direction * jump;
     trial[p] = {jump_free, per_stress, direction, jump_old, magnitude(jump_free) / per_stress};
-    lanes[p] =
-        interface.template lanes<kPlain>(l, load(whole.T_ad + l), in.heat_partition * whole.B0,
-                                         0.5 * (jump_old + direction * jump_free), 0.5 * per_stress, 1.0, all(0.0));
+    lanes[p] = interface.lanes(l, load(whole.T_ad + l), in.heat_partition * whole.B0,
+                               0.5 * (jump_old + direction * jump_free), 0.5 * per_stress, 1.0, all(0.0));
     Mask wanted = mask_of(host.active >> l) & (pressure > 0.0);
-    if constexpr (kPlain) {
-      if (by_slip != nullptr)
-        wanted =
-            find_sliding(*by_slip, pressure, trial[p].stress_stick, magnitude(before), wanted, lanes[p], host.effort);
-    }
-    search[p] = begin(lanes[p], trial[p].stress_stick, magnitude(before), wanted, kPlain ? nullptr : &bound[p]);
+    if (by_slip != nullptr)
+      wanted =
+          find_sliding(*by_slip, pressure, trial[p].stress_stick, magnitude(before), wanted, lanes[p], host.effort);
+    search[p] = begin(lanes[p], trial[p].stress_stick, magnitude(before), wanted, &bound[p]);
     active |= lanes_where(search[p].active) << l;
   }
 
@@ -317,7 +301,7 @@ template <bool kPlain>
     const Found found = conclude(lanes[p], trial[p], search[p], in.heat_partition, whole.B0);
     const Mask known = found.sure & mask_of(ended >> l);
     sure |= lanes_where(known) << l;
-    suspects |= lanes_where(seems_sudden(lanes[p], trial[p], search[p], bound[p]) & known) << l;
+    suspects |= lanes_where(seems_sudden(trial[p], search[p], bound[p]) & known) << l;
     store(found.stress, answer.stress + l);
     store(found.slip, answer.slip + l);
     store(found.jump_new, answer.jump_new + l);
@@ -332,10 +316,6 @@ template <bool kPlain>
   answer.suspects = suspects;
   return sure;
 }
-inline std::uint32_t slip_step(const WideStep& in, const WideStage& whole, WideAnswer& answer) {
-  return in.interface.is_plain() ? slip_step_of<true>(in, whole, answer) : slip_step_of<false>(in, whole, answer);
-}
-
 #include "server/physics/solver/force_driven/wide_stages_kernel.hpp"
 
 #endif

@@ -15,19 +15,16 @@ struct Jump {
 };
 
 // Whether the answer was found and leaves the interface solid.
-template <bool kPlain>
-[[gnu::always_inline]] inline Mask found_solid(const Lanes<kPlain>& s, const Search& search, Register a_stick) {
+[[gnu::always_inline]] inline Mask found_solid(const Lanes& s, const Search& search, Register a_stick) {
   const Register a = search.answer;
   const Register T0 = s.T_ad + s.rise * (a * s.slip(a));
   return settled(s, search, a_stick) & (T0 < s.T_melt) & is_accurate(s, T0);
 }
 
-template <bool kPlain>
-[[gnu::always_inline]] inline StageLanes first_stage_of(const WideStep& in, const WideStage& stage,
-                                                        StageAnswer& answer) {
+inline StageLanes first_stage(const WideStep& in, const WideStage& stage, StageAnswer& answer) {
   const TileInputs& host = in.interface.inputs;
   const Interface interface(in.interface);
-  Lanes<kPlain> lanes[kParts];
+  Lanes lanes[kParts];
   Search search[kParts];
   StageLanes sets{};
   std::uint32_t active = 0;
@@ -35,8 +32,8 @@ template <bool kPlain>
     const std::ptrdiff_t l = p * kWidth;
     const Jump jump(host, l);
     const Register free = jump.free(stage.dt);
-    lanes[p] = interface.template lanes<kPlain>(l, load(stage.T_ad + l), in.heat_partition * stage.B0, free,
-                                                stage.dt * jump.forces.mobility, 1.0, all(0.0));
+    lanes[p] = interface.lanes(l, load(stage.T_ad + l), in.heat_partition * stage.B0, free,
+                               stage.dt * jump.forces.mobility, 1.0, all(0.0));
     const Mask in_step = mask_of(host.active >> l), closed = load(host.pressure + l) > 0.0;
     const Mask wanted = in_step & closed & without((free < 0.0) | (jump.free(in.dt) < 0.0));
     search[p] = begin(lanes[p], free / lanes[p].b, magnitude(load(in.interface.stress_before + l)), wanted);
@@ -48,7 +45,7 @@ template <bool kPlain>
 
   SHEARBUS_EACH_PART {
     const std::ptrdiff_t l = p * kWidth;
-    const Lanes<kPlain>& s = lanes[p];
+    const Lanes& s = lanes[p];
     const Register a = search[p].answer, a_stick = s.c / s.b;
     const Mask found = found_solid(s, search[p], a_stick) & mask_of(ended >> l);
     const Mask sticks = found & (a == a_stick), slides = found & without(sticks);
@@ -61,18 +58,12 @@ template <bool kPlain>
   }
   return sets;
 }
-inline StageLanes first_stage(const WideStep& in, const WideStage& stage, StageAnswer& answer) {
-  return in.interface.is_plain() ? first_stage_of<true>(in, stage, answer) : first_stage_of<false>(in, stage, answer);
-}
-
-template <bool kPlain>
-[[gnu::always_inline]] inline StageLanes second_stage_of(const WideStep& in, const WideStage& stage,
-                                                         const StageAnswer& early, const StageLanes& before,
-                                                         WideAnswer& answer) {
+inline StageLanes second_stage(const WideStep& in, const WideStage& stage, const StageAnswer& early,
+                               const StageLanes& before, WideAnswer& answer) {
   constexpr double kGain = sdirk2::kDiagonal, kKept = sdirk2::kFirstWeight;
   const TileInputs& host = in.interface.inputs;
   const Interface interface(in.interface);
-  Lanes<kPlain> lanes[kParts];
+  Lanes lanes[kParts];
   Search search[kParts];
   Register a_stick[kParts];
   StageLanes sets{};
@@ -81,10 +72,9 @@ template <bool kPlain>
     const std::ptrdiff_t l = p * kWidth;
     const Jump jump(host, l);
     const Register free = jump.free(in.dt), stress = load(early.stress + l);
-    lanes[p] =
-        interface.template lanes<kPlain>(l, load(stage.T_ad + l) - stage.B0 * (kKept / kGain) * load(early.flux + l),
-                                         in.heat_partition * stage.B0 / kGain, 0.5 * (jump.old + free),
-                                         0.5 * in.dt * jump.forces.mobility, kGain, kKept * stress);
+    lanes[p] = interface.lanes(l, load(stage.T_ad + l) - stage.B0 * (kKept / kGain) * load(early.flux + l),
+                               in.heat_partition * stage.B0 / kGain, 0.5 * (jump.old + free),
+                               0.5 * in.dt * jump.forces.mobility, kGain, kKept * stress);
     a_stick[p] = free / (in.dt * jump.forces.mobility);
     const Mask wanted = mask_of((before.solved & ~before.resting) >> l) & (load(host.pressure + l) > 0.0);
     search[p] = begin(lanes[p], a_stick[p], stress, wanted);
@@ -95,7 +85,7 @@ template <bool kPlain>
 
   SHEARBUS_EACH_PART {
     const std::ptrdiff_t l = p * kWidth;
-    const Lanes<kPlain>& s = lanes[p];
+    const Lanes& s = lanes[p];
     const Jump jump(host, l);
     const Register free = jump.free(in.dt), T_ad = load(stage.T_ad + l);
     const Register early_stress = load(early.stress + l), early_flux = load(early.flux + l);
@@ -107,7 +97,7 @@ template <bool kPlain>
     const Register a = search[p].answer, slip = s.slip(a);
     const Register flux = (in.heat_partition * (a * slip) - kKept * early_flux) / kGain;
     const Register T0 = T_ad + stage.B0 * where(found, flux, all(0.0));
-    const typename Lanes<kPlain>::Branches limit = s.at(T0);
+    const Lanes::Branches limit = s.at(T0);
     const Mask rubs = limit.friction <= limit.yield;
     const Register carried = where(rubs, limit.friction, limit.yield);
     const Mask met = magnitude(s.offset + carried - a) <= kMet * a;
@@ -134,9 +124,4 @@ template <bool kPlain>
           answer.regime + l);
   }
   return sets;
-}
-inline StageLanes second_stage(const WideStep& in, const WideStage& stage, const StageAnswer& early,
-                               const StageLanes& before, WideAnswer& answer) {
-  return in.interface.is_plain() ? second_stage_of<true>(in, stage, early, before, answer)
-                                 : second_stage_of<false>(in, stage, early, before, answer);
 }
