@@ -87,4 +87,13 @@ class RootSearch {
   int values_ = 0;
 };
 
+// The zero of f, whose values are given where the constructor of RootSearch asks for them.
+template <class F>
+double zero_between(double lo, double f_lo, double hi, double f_hi, double scale, double guess, const F& f) {
+  RootSearch search(lo, f_lo, hi, f_hi, scale, guess);
+  while (!search.update(f(search.at()))) {
+  }
+  return search.at();
+}
+
 }  // namespace shearbus::physics

@@ -46,12 +46,7 @@ LaneStep Travel::slip_next_to_rigid(const StressLimit& limit, double heat_partit
   };
   const auto open = [&](double v) { return v - under(stress_at(v)).mean; };
   double v = under(0.0).mean;
-  if (const double at_most = open(v); at_most > 0.0) {
-    RootSearch search(0.0, open(0.0), v, at_most, v, -1.0);
-    while (!search.update(open(search.at()))) {
-    }
-    v = search.at();
-  }
+  if (const double at_most = open(v); at_most > 0.0) v = zero_between(0.0, open(0.0), v, at_most, v, -1.0, open);
   const double a = below_melting(limit, heating(v), heat_partition, B0, stress_at(v));
   const double flux = heat_partition * (a * v);
   return {direction_ * a, direction_ * v, 0.0, flux, slip_regime(limit, T_ad + flux * B0, v), false, true, false};

@@ -45,39 +45,39 @@ struct FilmSlip {
   // `respond(q)`: the response, which melts more and never cools where q is larger.
   template <class Respond>
   double root_most_slip(const Respond& respond) const {
-    const auto spare = [&](double a) { return carried(respond(flux(a))) - a; };
+    const auto beyond = [&](double a) { return a - carried(respond(flux(a))); };
     double a = root_below_hottest(respond);
     if (a < hottest || hottest >= stick) return a;
     // Beyond `hottest` the carried stress does not fall with the stress, so repeated insertion rises to the first root.
     constexpr int kMostInsertions = 100;
-    double left = spare(a);
+    double left = -beyond(a);
     for (int i = 0; i < kMostInsertions && left > kRounding * a; ++i) {
       a = std::min(a + left, stick);
-      left = spare(a);
+      left = -beyond(a);
     }
     if (left <= kRounding * a || a >= stick) return a;
-    const double last = spare(stick);
-    return last >= 0.0 ? stick : RootBetween(a, left, stick, last).find(spare);
+    const double last = beyond(stick);
+    return last <= 0.0 ? stick : zero_between(a, -left, stick, last, stick, -1.0, beyond);
   }
 
   // The root in [0, hottest]; `hottest` if there is none. The carried stress falls with the stress there, so that the
   // root lies between the stress that is carried without heat and the one that is carried under the heat of that.
   template <class Respond>
   double root_below_hottest(const Respond& respond) const {
-    const auto spare = [&](double a) { return carried(respond(flux(a))) - a; };
+    const auto beyond = [&](double a) { return a - carried(respond(flux(a))); };
     double top = std::min(hottest, carried(respond(0.0)));
     const double least = top > 0.0 ? carried(respond(flux(top))) : 0.0;
-    double above = least - top;
-    if (above >= 0.0) return top;
-    double bottom = std::max(least, kLeast * top);  // `top + above` would have lost the digits of a small stress
-    double below = spare(bottom);
-    while (below > 0.0 && top > 4.0 * bottom) {  // they may be many powers of ten apart
+    double above = top - least;
+    if (above <= 0.0) return top;
+    double bottom = std::max(least, kLeast * top);  // `top - above` would have lost the digits of a small stress
+    double below = beyond(bottom);
+    while (below < 0.0 && top > 4.0 * bottom) {  // they may be many powers of ten apart
       const double middle = std::sqrt(bottom) * std::sqrt(top);
-      const double at = spare(middle);
-      (at > 0.0 ? bottom : top) = middle;
-      (at > 0.0 ? below : above) = at;
+      const double at = beyond(middle);
+      (at < 0.0 ? bottom : top) = middle;
+      (at < 0.0 ? below : above) = at;
     }
-    return below > 0.0 ? RootBetween(bottom, below, top, above).find(spare) : bottom;
+    return below < 0.0 ? zero_between(bottom, below, top, above, top, -1.0, beyond) : bottom;
   }
 
   SolidContact contact;
@@ -91,19 +91,6 @@ struct FilmSlip {
  private:
   static constexpr double kRounding = 1e-15;  // relative rounding of a stress
   static constexpr double kLeast = 1e-200;    // least root that is looked for, relative to an upper bound
-
-  // Finds the zero of a function that is positive at `lo` and negative at `hi`.
-  struct RootBetween {
-    RootBetween(double lo, double at_lo, double hi, double at_hi)
-        : search(lo, -at_lo, hi, -at_hi, hi, 0.5 * (lo + hi)) {}
-    template <class Spare>
-    double find(const Spare& spare) {
-      while (!search.update(-spare(search.at()))) {
-      }
-      return search.at();
-    }
-    RootSearch search;
-  };
 };
 
 // Stress and heat flux of a closed contact, in magnitudes.

@@ -29,20 +29,15 @@ ReturnedStress LawReturn::at(double ep, double trial, double T_ad, double rise) 
   if (!(at_most > 0.0)) return {0.0, 0.0, 0.0};  // molten
   // The smaller of strain and stress is the unknown, in parts of the trial stress: the other one follows from it to the
   // last digits. Next to melting the strength magnifies an error of its own heat.
-  RootSearch search(0.0, at_rest, most, at_most, trial, 0.5 * most);
-  const double at_half = surplus(search.at());
+  const double at_half = surplus(0.5 * most);
   double dep = 0.0, T = 0.0, s = 0.0;
   if (at_half >= 0.0) {
-    for (double value = at_half; !search.update(value);) value = surplus(search.at());
-    dep = search.at();
+    dep = zero_between(0.0, at_rest, 0.5 * most, at_half, trial, -1.0, surplus);
     T = T_of(dep);
     s = strength(ep, dep, T);
   } else {
     const auto beyond = [&](double a) { return a - strength(ep, (trial - a) / kappa_, T_ad + rise * a); };
-    RootSearch stress(0.0, -at_most, 0.5 * trial, -at_half, trial, at_most);
-    while (!stress.update(beyond(stress.at()))) {
-    }
-    s = stress.at();
+    s = zero_between(0.0, -at_most, 0.5 * trial, -at_half, trial, at_most, beyond);
     dep = (trial - s) / kappa_;
     T = T_ad + rise * s;
   }
@@ -59,10 +54,7 @@ double LawReturn::strain_under(double stress, double ep, double T, double most) 
   const double at_rest = surplus(0.0), at_most = surplus(most);
   if (at_rest >= 0.0) return 0.0;
   if (at_most <= 0.0) return most;
-  RootSearch search(0.0, at_rest, most, at_most, stress, 0.5 * most);
-  while (!search.update(surplus(search.at()))) {
-  }
-  return search.at();
+  return zero_between(0.0, at_rest, most, at_most, stress, 0.5 * most, surplus);
 }
 
 }  // namespace shearbus::physics
