@@ -82,6 +82,7 @@ Energy energy_of(const WaveStage& first, const WaveStage& second) {
     of_state(weight / first.soft().shear_modulus, old.stress[i], u1.stress[i], start.stress[i], u2.stress[i]);
     add(kSqrt3 * weight * kExtrapolation * std::abs(u1.stress[i]) * u1.strain_growth[i]);
     add(kSqrt3 * weight * std::abs(u2.stress[i]) * u2.strain_growth[i]);
+    size += 1e9 * kSqrt3 * weight * (std::abs(u1.stress[i]) + std::abs(u2.stress[i])) * second.ulp_of_strain(i);
   }
   energy.fault = std::abs(balance) / size;
   return energy;

@@ -62,6 +62,9 @@ class WaveStage {
     return v;
   }
 
+  // The growth of the strain is known to an ulp of it; times the inverse of a tolerance that is part of a scale.
+  double ulp_of_strain(int i) const { return 2.2e-16 * before_.strain[i]; }
+
   // Residual of DLP (36): the largest error of the momentum balance of a cell, relative to momentum_size().
   double momentum_fault() const {
     double worst = 0.0;
@@ -105,8 +108,7 @@ class WaveStage {
       const double per_velocity = soft_.shear_modulus * step_.dt / step_.grid->weight[i];
       const double loaded = per_velocity * (velocity(i) - velocity(i - 1));
       const double flowed = std::copysign(kSqrt3 * soft_.shear_modulus * after_.strain_growth[i], after_.stress[i]);
-      // An ulp of the strain is a stress; it is added times 1e12.
-      const double rounding = 1e12 * 2.2e-16 * kSqrt3 * soft_.shear_modulus * before_.strain[i];
+      const double rounding = 1e12 * kSqrt3 * soft_.shear_modulus * ulp_of_strain(i);
       const double size =
           std::abs(loaded) + std::abs(flowed) + largest_stress() + per_velocity * 0.01 * largest_velocity() + rounding;
       worst = std::max(worst, (std::abs(after_.stress[i] - before_.stress[i] + flowed - loaded) - kTiny) / size);
@@ -155,7 +157,7 @@ class WaveStage {
       book(0.5 * softness * (s * s - old * old));
       book(0.5 * softness * (s - old) * (s - old));
       book(kSqrt3 * step_.grid->weight[i] * std::abs(s) * after_.strain_growth[i]);
-      size += softness * old * old;
+      size += softness * old * old + 1e9 * kSqrt3 * step_.grid->weight[i] * std::abs(s) * ulp_of_strain(i);
     }
     return std::abs(balance) / size;
   }

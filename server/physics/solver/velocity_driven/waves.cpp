@@ -60,22 +60,15 @@ constexpr double kUlps = 1e4;
 
 }  // namespace
 
-// The return of a trial stress by the law of Steinberg, Cochran and Guinan (waves_return.hpp), in the unknown
-// x = beta dep / (1 + beta ep):
+// What the lanes of a tile share. A trial stress is returned by the law of Steinberg, Cochran and Guinan (waves_return.hpp)
+// in the unknown x = beta dep / (1 + beta ep):
 //   s = min(strength (1 + x)^n, ceiling) g(P, T),   strength = Y0 (1 + beta ep)^n / sqrt(3),   ceiling = Y_max / sqrt(3).
-struct ReturnLaw {
-  double exponent;  // hardening exponent n
-  double ceiling;   // largest strength in shear  [Pa]
-  double hT;        // coefficient of -(T - 300 K) in the bracket of the softening g  [1/K]
-};
-
-// What the lanes of a tile share.
 struct WaveTile {
   const WaveStep& step;
   std::ptrdiff_t num_cells;
   const double *gain, *inertia;  // [vertex], [cell]: trial stress per velocity difference, stress difference per
                                  // change of velocity  [Pa s/m]
-  ReturnLaw law;
+  double exponent, ceiling, hT;  // n; largest strength in shear [Pa]; coefficient of -(T - 300 K) in g  [1/K]
   double per_kappa, yield, beta, velocity_per_stress;
   alignas(64) double T_melt[kLanes];   // melting temperature at the pressure of each lane  [K]
   alignas(64) double bracket[kLanes];  // bracket of the softening g at T = 0 K: 1 + gP P + 300 hT
@@ -267,7 +260,7 @@ class WaveSearch : private one::WaveLanes {
     return true;
   }
 
-  bool has_form_;  // the law has the form of ReturnLaw
+  bool has_form_;  // the law is that of WaveTile
   LawReturn by_law_, by_law_near_, by_law_far_;
   int evaluations_left_ = kWaveEvaluations;
   double iterations_ = 0.0;
@@ -292,8 +285,9 @@ std::uint32_t advance_waves(const WaveStep& step, std::uint32_t lanes, WaveAnswe
                 .num_cells = grid.num_cells(),
                 .gain = gain,
                 .inertia = inertia,
-                .law = {soft.hardening_exponent, std::min(soft.yield_strength_max / kSqrt3, kUnlimited),
-                        soft.temperature_coefficient},
+                .exponent = soft.hardening_exponent,
+                .ceiling = std::min(soft.yield_strength_max / kSqrt3, kUnlimited),
+                .hT = soft.temperature_coefficient,
                 .per_kappa = 1.0 / kappa,
                 .yield = soft.yield_strength / kSqrt3,
                 .beta = soft.hardening_coefficient,

@@ -11,30 +11,30 @@
 struct Softened {
   Register g, log_slope;
 };
-[[gnu::always_inline]] inline Softened softened(const ReturnLaw& law, Register T_melt, Register bracket, Register T) {
-  const Register x = larger(T_melt - T, all(kLeastToMelting)), b = larger(bracket - law.hT * T, all(kLeastBracket));
+[[gnu::always_inline]] inline Softened softened(const WaveTile& tile, Register T_melt, Register bracket, Register T) {
+  const Register x = larger(T_melt - T, all(kLeastToMelting)), b = larger(bracket - tile.hT * T, all(kLeastBracket));
   const Register inverse = 1.0 / (x * b);
   const Register inverse_x = b * inverse;
   const Register exponent = larger(-kMelting * T * inverse_x, all(-kExponentialRange));
   return {where(exponent > -kExponentialRange, b * Exponential(exponent).value(), all(0.0)),
-          -(law.hT * (x * inverse) + (kMelting * T_melt) * (inverse_x * inverse_x))};
+          -(tile.hT * (x * inverse) + (kMelting * T_melt) * (inverse_x * inverse_x))};
 }
 
 // The return of trial stresses to the yield stress (waves_return.hpp): first whether they exceed it.
-[[gnu::always_inline]] inline Mask yielding(const ReturnLaw& law, Register trial, Softened soft, Register strength) {
-  return magnitude(trial) > smaller(strength * soft.g, law.ceiling * soft.g);
+[[gnu::always_inline]] inline Mask yielding(const WaveTile& tile, Register trial, Softened soft, Register strength) {
+  return magnitude(trial) > smaller(strength * soft.g, tile.ceiling * soft.g);
 }
 
 // `known`: the x of the iterate before, or kUnknown.
 struct Returned {
   Register stress, slope, softening, x;
 };
-[[gnu::always_inline]] inline Returned returned(const ReturnLaw& law, Mask yields, Register trial, Softened soft,
+[[gnu::always_inline]] inline Returned returned(const WaveTile& tile, Mask yields, Register trial, Softened soft,
                                                 Register strength, Register compliance, Register known) {
-  const Register t = magnitude(trial), yield = strength * soft.g, limit = law.ceiling * soft.g;
+  const Register t = magnitude(trial), yield = strength * soft.g, limit = tile.ceiling * soft.g;
   // The hardened yield stress: x + stiffness ((1 + x)^n - 1) = excess, by steps r (1 + x) of Newton's method, and close to
   // the root of Chebyshev's, which is of third order. From below the root steps stay below it.
-  const double n = law.exponent, half_bend = 0.5 * (n - 1.0);
+  const double n = tile.exponent, half_bend = 0.5 * (n - 1.0);
   const Register excess = compliance * larger(t - yield, all(0.0)), stiffness = compliance * yield;
   Register x = where(known >= 0.0, known, excess / (1.0 + n * stiffness)), hardened = yield;
   Mask still = yields;
@@ -82,9 +82,9 @@ class WaveLanes {
     Register iterations{};
     for (int iteration = 0; iteration < step_.most_steps && lanes_where(live) != 0; ++iteration) {
       live &= evaluate_interface(live);
-      return_vertices(1, [&](std::ptrdiff_t i, Register trial, Register T) __attribute__((always_inline)) {
-        return return_by_form(i, trial, T);
-      });
+      return_vertices(
+          1, [&](std::ptrdiff_t i, Register trial, Register T)
+                 __attribute__((always_inline)) { return return_by_form(i, trial, T); });
       const Size size = newton_direction();
       iterations += 1.0;
       live &= size.step <= kFarthestStep;  // not so if it is no number
@@ -129,7 +129,7 @@ class WaveLanes {
   }
 
   void start() {
-    const double n = tile_.law.exponent;
+    const double n = tile_.exponent;
     const double* guess = step_.guess != nullptr ? step_.guess : step_.velocity;
     for (std::ptrdiff_t i = 0; i <= tile_.num_cells; ++i) {
       const Register hardened = 1.0 + tile_.beta * at(step_.strain, i);
@@ -143,7 +143,7 @@ class WaveLanes {
   }
 
   [[gnu::always_inline]] Softened softened_at(Register T) const {
-    return softened(tile_.law, T_melt_, bracket_, T);
+    return softened(tile_, T_melt_, bracket_, T);
   }
 
   // The stress that the vertex at z = 0 carries at the temperature that the stress a itself causes, where t is its
@@ -155,10 +155,10 @@ class WaveLanes {
     const Softened soft = softened_at(at(step_.T_ad, 0) + rise * a);
     const Register compliance = at(rows_.compliance, 0);
     const Register flow = 1.0 + compliance * (t - a);
-    const Register hardened = at(rows_.strength, 0) * Exponential(tile_.law.exponent * log_of(flow)).value();
-    const Mask capped = hardened >= tile_.law.ceiling;
-    const Register stress = where(capped, all(tile_.law.ceiling), hardened) * soft.g;
-    const Register hardening = where(capped, all(0.0), tile_.law.exponent * compliance / flow);
+    const Register hardened = at(rows_.strength, 0) * Exponential(tile_.exponent * log_of(flow)).value();
+    const Mask capped = hardened >= tile_.ceiling;
+    const Register stress = where(capped, all(tile_.ceiling), hardened) * soft.g;
+    const Register hardening = where(capped, all(0.0), tile_.exponent * compliance / flow);
     return {stress, rise * soft.log_slope - hardening, stress * hardening};
   }
 
@@ -245,9 +245,9 @@ class WaveLanes {
   [[gnu::always_inline]] Returned return_by_form(std::ptrdiff_t i, Register trial, Register T) {
     const Softened soft = softened_at(T);
     const Register strength = at(rows_.strength, i);
-    const Mask yields = yielding(tile_.law, trial, soft, strength);
+    const Mask yields = yielding(tile_, trial, soft, strength);
     if (lanes_where(yields) == 0) return {trial, all(1.0), Register{}, Register{}};
-    const Returned now = returned(tile_.law, yields, trial, soft, strength, at(rows_.compliance, i), at(rows_.x, i));
+    const Returned now = returned(tile_, yields, trial, soft, strength, at(rows_.compliance, i), at(rows_.x, i));
     put(now.x, rows_.x, i);
     return now;
   }
