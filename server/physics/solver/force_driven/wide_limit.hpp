@@ -9,7 +9,7 @@ struct Lanes {
   Register offset, T_melt;
   Register bracket_at_0;  // 1 + gP P
   double tresca, hT;
-  const WideJunctions* junctions = nullptr;       // null: no junctions
+  const Junctions* junctions = nullptr;           // null: no junctions
   const FallsWithTemperature* softens = nullptr;  // null: friction does not depend on temperature
   Register strain_old{};                          // plastic strain of the junctions before the step
   Register load{};                                // stress per friction coefficient, where `softens` is set  [Pa]
@@ -22,10 +22,12 @@ struct Lanes {
   [[gnu::always_inline]] bool is_softened() const { return softens != nullptr; }
   [[gnu::always_inline]] Strength strength(Register slip) const {
     if (!has_junctions()) return {all(tresca), all(0.0)};
-    const Register drawn = 1.0 + junctions->hardening * (strain_old + junctions->strain_per_slip * slip);
-    const Register hardened = junctions->fresh * power_of(drawn, all(junctions->exponent));
-    const Mask grows = hardened < junctions->most;
-    return {where(grows, hardened, all(junctions->most)), where(grows, junctions->growth / drawn, all(0.0))};
+    const Material& metal = junctions->options->metal;
+    const Register drawn = 1.0 + metal.hardening_coefficient * (strain_old + junctions->strain_per_slip * slip);
+    const Register hardened = metal.yield_strength * power_of(drawn, all(metal.hardening_exponent));
+    const double growth = metal.hardening_exponent * metal.hardening_coefficient * junctions->strain_per_slip;
+    return {junctions->options->contact_fraction * smaller(hardened, all(metal.yield_strength_max)) / kSqrt3,
+            where(hardened < metal.yield_strength_max, growth / drawn, all(0.0))};
   }
   [[gnu::always_inline]] Register slip(Register a) const {
     const Register v = c - b * a;

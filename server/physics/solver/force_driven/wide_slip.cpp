@@ -23,14 +23,6 @@ bool has_wide_softening(FlowLaw flow_law) {
 
 }  // namespace
 
-WideJunctions::WideJunctions(const JunctionOptions& options, double per_slip)
-    : fresh(options.contact_fraction * options.metal.yield_strength / kSqrt3),
-      most(options.contact_fraction * options.metal.yield_strength_max / kSqrt3),
-      hardening(options.metal.hardening_coefficient),
-      exponent(options.metal.hardening_exponent),
-      strain_per_slip(per_slip),
-      growth(exponent * hardening * strain_per_slip) {}
-
 WideInterface::WideInterface(const Problem& problem, const TileInputs& tile, const LaneMaterials& materials, double dt,
                              const double* committed)
     : inputs(tile),
@@ -38,13 +30,9 @@ WideInterface::WideInterface(const Problem& problem, const TileInputs& tile, con
       friction(form_of(problem.interface)),
       tresca(problem.interface.yield_strength / kSqrt3),
       yields_finitely(std::isfinite(tresca) && has_wide_softening(problem.options.soft.flow_law)),
+      junctions(junctions_of(problem.options.junctions ? &*problem.options.junctions : nullptr, 0.0, dt)),
       junction_strain(problem.options.junctions ? committed + problem.layout.junction_strain : nullptr),
-      stress_before(tile.stress_before ? tile.stress_before : committed + problem.layout.shear_stress) {
-  if (problem.options.junctions) {
-    const JunctionOptions& own = *problem.options.junctions;
-    junctions.emplace(own, junctions_of(&own, 0.0, dt).strain_per_slip);
-  }
-}
+      stress_before(tile.stress_before ? tile.stress_before : committed + problem.layout.shear_stress) {}
 
 std::uint32_t wide_slip(const WideStep& step, const WideStage& whole, WideAnswer& answer) {
   return SHEARBUS_CALL(slip_step, step, whole, answer);

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <type_traits>
 #include <variant>
 
@@ -18,16 +17,6 @@ namespace shearbus::physics {
 template <class Law>
 inline constexpr bool kHasWideSoftening = std::is_same_v<Law, SteinbergCochranGuinan>;
 
-// Junctions in a step, as the kernels need them: f Y_a / sqrt(3) = min(most, fresh (1 + hardening ep_a)^exponent).
-struct WideJunctions {
-  WideJunctions(const JunctionOptions& options, double per_slip);
-
-  double fresh, most;  // strength without strain, and the largest strength, without the softening g  [Pa]
-  double hardening, exponent;
-  double strain_per_slip;  // strain per slip velocity  [s/m]
-  double growth;           // exponent * hardening * strain_per_slip  [s/m]
-};
-
 // The interfaces of the lanes of a tile.
 struct WideInterface {
   WideInterface(const Problem& problem, const TileInputs& tile, const LaneMaterials& materials, double dt,
@@ -36,15 +25,15 @@ struct WideInterface {
   // Whether the kernels have all forms of the model's interface.
   bool has_forms() const {
     return yields_finitely && !std::holds_alternative<NoForm>(friction) &&
-           !(junctions && std::holds_alternative<FallsWithSlip>(friction));
+           !(junctions.options != nullptr && std::holds_alternative<FallsWithSlip>(friction));
   }
 
   const TileInputs& inputs;
   const LaneMaterials& soft_at;
   FrictionForm friction;
-  double tresca;         // shear strength of an interface without junctions, yield strength / sqrt(3)  [Pa]
-  bool yields_finitely;  // the strength is finite, and its softening has a form
-  std::optional<WideJunctions> junctions;
+  double tresca;                  // shear strength of an interface without junctions, yield strength / sqrt(3)  [Pa]
+  bool yields_finitely;           // the strength is finite, and its softening has a form
+  Junctions junctions;            // without their strain
   const double* junction_strain;  // plastic strain of the junctions before the step; unused without junctions
   const double* stress_before;    // stress before the step  [Pa]
 };

@@ -224,7 +224,7 @@ class Interface {
             1.0 + (uniform_ ? all(soft_.pressure_coefficient) : load(pressure_coefficient_ + l)) * pressure,
             in_.tresca * factor,
             soft_.temperature_coefficient,
-            in_.junctions ? &*in_.junctions : nullptr,
+            in_.junctions.options != nullptr ? &in_.junctions : nullptr,
             softens_};
     if (s.has_junctions()) s.strain_old = load(in_.junction_strain + l);
     if (s.is_softened()) {
@@ -309,7 +309,7 @@ inline std::uint32_t slip_step(const WideStep& in, const WideStage& whole, WideA
     store(found.flux * in.dt, answer.heat + l);
     store(found.regime, answer.regime + l);
     if (lanes[p].has_junctions()) {
-      store(lanes[p].strain_old + in.interface.junctions->strain_per_slip * magnitude(found.slip),
+      store(lanes[p].strain_old + in.interface.junctions.strain_per_slip * magnitude(found.slip),
             answer.junction_strain + l);
     }
   }
