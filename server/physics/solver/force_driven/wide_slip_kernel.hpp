@@ -32,6 +32,7 @@ struct Search {
   // yield is lower by more than the search decides.
   Mask rubs, apart;
   Register a, low, high, end, answer;
+  Register bound;  // the smaller of the stress that sticks and the limit without heat
 };
 
 [[gnu::always_inline]] inline void improve(const Lanes& s, Search& search) {
@@ -97,19 +98,11 @@ struct Search {
   search.a = where(inside, smaller(next, search.end), 0.5 * (search.low + smaller(search.high, search.end)));
 }
 
-// A bound of the limit without any heat.
-[[gnu::always_inline]] inline Register unheated_limit(const Lanes& s) {
-  return s.offset + smaller(s.coulomb, s.strength(s.slip(all(0.0))).value * s.bracket(s.T_ad));
-}
-
 // Begins the search for the smallest of `a_stick` and the root of the spare strength. `wanted`: lanes to search.
-// `unheated_bound`: where to write the smallest of `a_stick` and the limit without heat.
-[[gnu::always_inline]] inline Search begin(const Lanes& s, Register a_stick, Register guess, Mask wanted,
-                                           Register* unheated_bound = nullptr) {
+[[gnu::always_inline]] inline Search begin(const Lanes& s, Register a_stick, Register guess, Mask wanted) {
   Search search{};
-  const Register unheated = unheated_limit(s);
-  const Register bound = smaller(a_stick, unheated);
-  if (unheated_bound != nullptr) *unheated_bound = bound;
+  const Register unheated = s.offset + smaller(s.coulomb, s.strength(s.slip(all(0.0))).value * s.bracket(s.T_ad));
+  const Register bound = search.bound = smaller(a_stick, unheated);
   const Mask solid = (s.T_ad < s.T_melt) & (s.bracket(s.T_ad) > 0.0) & (s.rise > 0.0) & (s.b > 0.0) & (s.T_ad > 0.0);
   Mask unique = heats_more_up_to(s, bound);
   if (lanes_where(wanted & without(unique)) != 0) unique |= falls_steadily(s, bound);
@@ -253,9 +246,9 @@ struct Forces {
   Register acceleration, mobility;
 };
 
-// Whether a lane may change suddenly (changes_suddenly()), by a bound without an exponential. `bound`: that of begin().
-[[gnu::always_inline]] inline Mask seems_sudden(const Trial& trial, const Search& search, Register bound) {
-  const Register fall = bound - search.answer;
+// Whether a lane may change suddenly (changes_suddenly()), by a bound without an exponential.
+[[gnu::always_inline]] inline Mask seems_sudden(const Trial& trial, const Search& search) {
+  const Register fall = search.bound - search.answer;
   return (trial.stress_stick < fall * (1.0 / kMostSudden)) | (trial.jump_old < 0.0);
 }
 
@@ -266,7 +259,6 @@ inline std::uint32_t slip_step(const WideStep& in, const WideStage& whole, WideA
   Lanes lanes[kParts];
   Trial trial[kParts];
   Search search[kParts];
-  Register bound[kParts];
 
   // 1. The trial slip, the heating and the limit of each lane.
   std::uint32_t active = 0;
@@ -287,7 +279,7 @@ inline std::uint32_t slip_step(const WideStep& in, const WideStage& whole, WideA
     if (by_slip != nullptr)
       wanted =
           find_sliding(*by_slip, pressure, trial[p].stress_stick, magnitude(before), wanted, lanes[p], host.effort);
-    search[p] = begin(lanes[p], trial[p].stress_stick, magnitude(before), wanted, &bound[p]);
+    search[p] = begin(lanes[p], trial[p].stress_stick, magnitude(before), wanted);
     active |= lanes_where(search[p].active) << l;
   }
 
@@ -301,7 +293,7 @@ inline std::uint32_t slip_step(const WideStep& in, const WideStage& whole, WideA
     const Found found = conclude(lanes[p], trial[p], search[p], in.heat_partition, whole.B0);
     const Mask known = found.sure & mask_of(ended >> l);
     sure |= lanes_where(known) << l;
-    suspects |= lanes_where(seems_sudden(trial[p], search[p], bound[p]) & known) << l;
+    suspects |= lanes_where(seems_sudden(trial[p], search[p]) & known) << l;
     store(found.stress, answer.stress + l);
     store(found.slip, answer.slip + l);
     store(found.jump_new, answer.jump_new + l);
