@@ -16,6 +16,7 @@
 namespace shearbus::files {
 namespace {
 
+constexpr std::string_view kSecretComment = "# secret key";  // how the file of one begins
 constexpr std::size_t kMaxKeyFileBytes = std::size_t{4} << 20;
 constexpr std::string_view kZ85 =
     "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#";
@@ -44,16 +45,9 @@ class OpenFile {
   int number_;
 };
 
-std::string text_of(const std::filesystem::path& file, bool secret) {
+std::string text_of(const std::filesystem::path& file, struct stat& found) {
   const OpenFile opened(file, O_RDONLY);
-  struct stat found {};
   if (::fstat(opened.number(), &found) != 0) refuse(file, "cannot be looked at: {}", std::strerror(errno));
-  if (secret && found.st_uid != ::geteuid() && found.st_uid != 0)
-    refuse(file, "belongs to uid {}, who knows the secret key; expected root or uid {}. chown it, or make a new key",
-           found.st_uid, ::geteuid());
-  if (secret && (found.st_mode & 077) != 0)
-    refuse(file, "has mode {:04o}: others can read the secret key; expected 0600. chmod 600 it, or make a new key",
-           found.st_mode & 07777);
   std::string text(kMaxKeyFileBytes + 1, '\0');
   std::size_t size = 0;
   ssize_t taken = 0;
@@ -65,8 +59,14 @@ std::string text_of(const std::filesystem::path& file, bool secret) {
   return text;
 }
 
-std::vector<KeyLine> keys_in(const std::filesystem::path& file, std::string_view text, bool secret) {
+// The other file of a pair is recognised by what it is written with: a comment, or words behind the key.
+std::vector<KeyLine> keys_of(const std::filesystem::path& file, bool secret) {
+  struct stat found {};
+  const std::string all = text_of(file, found);
+  std::string_view text = all;
   std::vector<KeyLine> lines;
+  if (!secret && text.starts_with(kSecretComment))
+    refuse(file, "has a secret key, expected public ones; name NAME.public of the pair");
   for (std::size_t number = 1; !text.empty(); ++number) {
     std::string_view line = text.substr(0, text.find('\n'));
     text.remove_prefix(std::min(line.size() + 1, text.size()));
@@ -81,13 +81,21 @@ std::vector<KeyLine> keys_in(const std::filesystem::path& file, std::string_view
              number, kKeyCharacters, key.substr(0, 2 * kKeyCharacters), key.size());
     }
     const auto words = line.find_first_not_of(kBlank, key.size());
+    if (secret && words != std::string_view::npos)
+      refuse(file, "line {}: has a public key, expected the secret one; name NAME.secret of the pair", number);
     lines.push_back({key, std::string(words == std::string_view::npos ? "" : line.substr(words))});
   }
+  if (secret && found.st_uid != ::geteuid() && found.st_uid != 0)
+    refuse(file, "belongs to uid {}, who knows the secret key; expected root or uid {}. chown it, or make a new key",
+           found.st_uid, ::geteuid());
+  if (secret && (found.st_mode & 077) != 0)
+    refuse(file, "has mode {:04o}: others can read the secret key; expected 0600. chmod 600 it, or make a new key",
+           found.st_mode & 07777);
   return lines;
 }
 
 std::string only_key(const std::filesystem::path& file, bool secret) {
-  const auto lines = keys_in(file, text_of(file, secret), secret);
+  const auto lines = keys_of(file, secret);
   if (lines.size() != 1)
     refuse(file, "has {} keys, expected one; shearbus-ctl keygen makes a pair of files", lines.size());
   return lines[0].key;
@@ -111,7 +119,7 @@ bool is_key(const std::string& text) {
 }
 
 std::vector<KeyLine> read_keys(const std::filesystem::path& file) {
-  return keys_in(file, text_of(file, false), false);
+  return keys_of(file, false);
 }
 std::string read_public_key(const std::filesystem::path& file) {
   return only_key(file, false);
@@ -135,7 +143,7 @@ void write_public_key(const std::filesystem::path& file, const KeyLine& line) {
   write(file, line.key + (line.words.empty() ? "" : " " + line.words) + "\n", 0644);
 }
 void write_secret_key(const std::filesystem::path& file, const std::string& key) {
-  write(file, "# secret key: whoever reads it can pass for its owner\n" + key + "\n", 0600);
+  write(file, std::string(kSecretComment) + ": whoever reads it can pass for its owner\n" + key + "\n", 0600);
 }
 
 }  // namespace shearbus::files

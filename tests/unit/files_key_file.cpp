@@ -77,6 +77,10 @@ TEST_F(KeyFiles, AreWrittenOnceAndTheSecretOneIsItsOwnersAlone) {
   EXPECT_THAT(fault_of([&] { write_secret_key(scratch_ / "a.secret", kKey); }), HasSubstr("never written over"));
   EXPECT_THAT(fault_of([&] { write_public_key(scratch_ / "a.public", {kKey, ""}); }), HasSubstr("never written over"));
   EXPECT_EQ(read_secret_key(scratch_ / "a.secret"), pair.secret_key);
+  // Each file in place of the other one.
+  EXPECT_THAT(fault_of([&] { read_secret_key(scratch_ / "a.public"); }), HasSubstr("public key, expected the secret"));
+  EXPECT_THAT(fault_of([&] { read_public_key(scratch_ / "a.secret"); }), HasSubstr("secret key, expected public"));
+  EXPECT_THAT(fault_of([&] { read_keys(scratch_ / "a.secret"); }), HasSubstr("secret key, expected public"));
   ServerAddress address{.endpoint = "tcp://127.0.0.1:1"};
   EXPECT_THAT(fault_of([&] { read_keys_into(address, scratch_ / "a.public", ""); }), HasSubstr("go together"));
   read_keys_into(address, scratch_ / "a.public", scratch_ / "a.secret");
