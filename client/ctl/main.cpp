@@ -269,7 +269,7 @@ class Commands {
 
   void add_watch() {
     CLI::App* command = with_server(
-        add("watch", "Shows what a server does until q or Ctrl-C: on a terminal a screen, else a line for each look",
+        add("watch", "Shows what a server does until Ctrl-C or, on a terminal's screen, q; else a line for each look",
             [this] {
               watch_.server = options_.server;
               const bool answered = ctl::watch(watch_, [this] { return connect(options_); });

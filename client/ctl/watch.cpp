@@ -115,11 +115,15 @@ class Watch {
     for (;;) {
       for (int signal = signals_.next(); signal != 0; signal = signals_.next())
         if (!handle(signal)) return false;
-      const auto left = std::chrono::ceil<std::chrono::milliseconds>(next - Clock::now()).count();
-      if (left <= 0) return true;
+      // The keys are looked at also where the look took all of the time, as one without an answer does.
+      const auto left =
+          std::max<std::int64_t>(std::chrono::ceil<std::chrono::milliseconds>(next - Clock::now()).count(), 0);
       std::array<pollfd, 2> files = {{{signals_.file(), POLLIN, 0}, {STDIN_FILENO, POLLIN, 0}}};
       const bool keys = screen_ && screen_->has_keys();
-      if (::poll(files.data(), keys ? 2 : 1, static_cast<int>(std::min<std::int64_t>(left, 3'600'000))) <= 0) continue;
+      if (::poll(files.data(), keys ? 2 : 1, static_cast<int>(std::min<std::int64_t>(left, 3'600'000))) <= 0) {
+        if (left == 0) return true;
+        continue;
+      }
       char key = 0;
       if (keys && files[1].revents != 0 && (::read(STDIN_FILENO, &key, 1) <= 0 || key == 'q')) return false;
     }

@@ -17,8 +17,8 @@ struct WatchOptions {
   std::uint64_t looks = 0;  // number of looks; 0: until a signal, or the key q
 };
 
-// Watches the server that connect() reaches until SIGINT, SIGTERM, SIGHUP or the key q. A server that does not answer is
-// reported as that, and asked again at the next look. connect() throws Error if no server answers; it must return within
+// Watches the server that connect() reaches until SIGINT, SIGTERM, SIGHUP or the screen's key q. One that does not answer
+// is reported as that, and asked again at the next look. connect() throws Error if no server answers; it must return within
 // about a second, because no signal is seen meanwhile. Returns whether the last look was answered.
 bool watch(const WatchOptions& options, const std::function<Operator()>& connect);
 

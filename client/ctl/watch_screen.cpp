@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <string_view>
+#include <utility>
 
 #include "proto/wire/enum_names.hpp"
 #include "proto/wire/limits.hpp"
@@ -82,8 +83,8 @@ void Screen::draw(const WatchOptions& options, const Report& report) {
     size = {.ws_row = 24, .ws_col = 80, .ws_xpixel = 0, .ws_ypixel = 0};
   columns_ = size.ws_col;
   lines_.clear();
-  add(fmt::format("shearbus-ctl watch  {}  {}  every {:g} s; q ends", options.server, wire::utc_now(),
-                  options.interval_s));
+  add(fmt::format("shearbus-ctl watch, q ends  every {:g} s  {}  {}", options.interval_s, wire::utc_now(),
+                  options.server));
   add("");
   if (report.sample == nullptr) {
     add("NO ANSWER, asked again at each look");
@@ -146,9 +147,12 @@ void Screen::add_regimes(const wire::ServerStatus& status) {
     bar += part(r, column(before + nodes) - column(before));
     before += nodes;
     const std::string text = fmt::format(" {} {:.1f} %  ", regime, percent(nodes, all));
+    if (used + text.size() - 1 > columns_) {  // on a line of its own, without the blanks at its end
+      lines_.push_back(std::exchange(names, std::string(kLabel, ' ')));
+      used = kLabel;
+    }
     used += 1 + text.size();
-    if (used <= columns_) names += part(r, 1) + text;
-    ++r;
+    names += part(r++, 1) + text;
   }
   lines_.push_back(bar);
   lines_.push_back(names);

@@ -160,7 +160,7 @@ class OnATerminal(Served):
         self.assertIn("48;5;67m", self.screen("-e"), "the part of the bar for sticking nodes")
         self.tmux("resize-window", "-x", "50", "-y", "12")
         text = self.until(lambda text: len(text.splitlines()) <= 12)
-        self.assertLessEqual(max(map(len, self.until(lambda text: "regimes" in text).splitlines())), 50)
+        self.assertLessEqual(max(map(len, self.until(lambda text: "regimes" in text and "melting 0.0 %" in text).splitlines())), 50)
         self.tmux("resize-window", "-x", "100", "-y", "30")
         self.stop_server()
         self.until(lambda text: "NO ANSWER" in text)
@@ -175,10 +175,13 @@ class OnATerminal(Served):
         self.assert_as_before()
 
     def test_the_key_q_and_a_signal_end_it(self):
-        for end in ("q", signal.SIGTERM):
+        for end in ("q", signal.SIGTERM, "q without a server"):
             self.type("clear; echo before")
             self.watch("NO_COLOR=1")
-            if end == "q":
+            if end == "q without a server":
+                self.stop_server()
+                self.until(lambda text: "NO ANSWER" in text)
+            if end != signal.SIGTERM:
                 self.tmux("send-keys", "q")
             else:
                 shell = self.tmux("display-message", "-p", "#{pane_pid}").strip()
