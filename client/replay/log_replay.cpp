@@ -338,7 +338,7 @@ class LogReplay {
       throw Error(status);
     }
     if (const auto* step = std::get_if<wire::Downscale>(&request.body); step != nullptr && reply.status.ok()) {
-      warn(session, session.inputs.add(request.batch, step->dt_s));
+      warn(session, session.inputs.add(request.batch, step->dt_s, session.order.ids()));
       ranges_.add(request.batch, step->dt_s);
     }
     if (reply.status.ok()) ++session.sequence;

@@ -112,7 +112,7 @@ void replay(const Options& options, const Table& history, HistoryInput& input, B
     const double dt_s = history.dt_s()[step];
     write_step(result_file, columns, request, answer, history.times_s()[step], dt_s);
     time.writing += Clock::now() - answered;
-    warn(inputs.add(request, dt_s));
+    warn(inputs.add(request, dt_s, history.node_ids()));
     tally.add(request, answer, history.times_s()[step], dt_s);
     input.feed_back(answer, request);
     if (profiles.due(history.times_s()[step])) record_profiles(bus, history, step, request, profiles);

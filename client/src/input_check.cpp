@@ -42,12 +42,12 @@ std::string in_other_units(double value) {
 std::string length_warning(double dt_s) {
   if (dt_s <= kLongStep) return {};
   return fmt::format(
-      "dt_s: the first step is {} s long; a step of a shock is rarely longer than {} s. Is dt_s in seconds?", dt_s,
+      "dt_s: the first step is {:.6g} s long; a step of a shock is rarely longer than {} s. Is dt_s in seconds?", dt_s,
       kLongStep);
 }
 
-// The first row whose jump the host's own forces change by too much.
-std::string forces_warning(const Batch& request, double dt_s) {
+// The first node whose jump the host's own forces change by too much.
+std::string forces_warning(const Batch& request, double dt_s, std::span<const std::uint64_t> node_ids) {
   const bool sticks = request.has(Field::kImpedance);
   const auto jump = request.f64(Field::kVelocityJump), impedance = request.f64(Field::kImpedance),
              stick = request.f64(Field::kStickStress), soft = request.f64(Field::kStressSoft),
@@ -59,9 +59,11 @@ std::string forces_warning(const Batch& request, double dt_s) {
                                  : dt_s * (soft[row] / mass_soft[row] + hard[row] / mass_hard[row]);
     if (std::abs(change) <= kLargeChange) continue;
     return fmt::format(
-        "{}: without friction the jump of row {} changes from {} to {} m/s in the first step. Are stresses in pascal "
+        "{}: without friction the jump of node {} changes from {:.6g} to {:.6g} m/s in the first step. Are stresses in "
+        "pascal "
         "and {}?",
-        wire::name(sticks ? Field::kStickStress : Field::kMassSoft), row, jump[row], jump[row] + change,
+        wire::name(sticks ? Field::kStickStress : Field::kMassSoft),
+        (request.has(Field::kNodeId) ? request.u64(Field::kNodeId) : node_ids)[row], jump[row], jump[row] + change,
         sticks ? "the impedance in Pa s/m" : "masses per area in kg/m2");
   }
   return {};
@@ -104,8 +106,9 @@ std::string InputCheck::longer_warning(double dt_s) {
   const double before = std::exchange(longest_, std::max(longest_, dt_s));
   if (before == 0.0 || dt_s <= kLonger * before || longer_told_) return {};
   longer_told_ = true;
-  return fmt::format("dt_s: a step of {} s, after steps of at most {} s. Is dt_s in seconds, and this step meant?",
-                     dt_s, before);
+  return fmt::format(
+      "dt_s: a step of {:.6g} s, after steps of at most {:.6g} s. Is dt_s in seconds, and this step meant?", dt_s,
+      before);
 }
 
 std::string InputCheck::contact_warning() const {
@@ -116,12 +119,12 @@ std::string InputCheck::contact_warning() const {
       wire::name(Field::kPressure), steps_, lowest_, highest_);
 }
 
-std::vector<std::string> InputCheck::add(const Batch& request, double dt_s) {
+std::vector<std::string> InputCheck::add(const Batch& request, double dt_s, std::span<const std::uint64_t> node_ids) {
   std::vector<std::string> warnings;
   if (first_) {
     first_ = false;
     add_text(warnings, length_warning(dt_s));
-    add_text(warnings, forces_warning(request, dt_s));
+    add_text(warnings, forces_warning(request, dt_s, node_ids));
     if (warnings.empty()) add_text(warnings, impedance_warning(request, dt_s));
     doubts_units_ = !warnings.empty();
   }

@@ -13,8 +13,9 @@ namespace shearbus {
 class InputCheck {
  public:
   // Looks at the inputs of a step that was answered. Returns warnings, each once in a run; each begins with the name of
-  // the input that it is about. After the first steps with a sound contact it looks at the step's length alone.
-  std::vector<std::string> add(const Batch& request, double dt_s);
+  // the input that it is about. After the first steps with a sound contact it looks at the step's length alone. node_ids:
+  // of the rows, if the request does not name them.
+  std::vector<std::string> add(const Batch& request, double dt_s, std::span<const std::uint64_t> node_ids);
   // True if the first step has drawn a warning about the units of what moves the jump.
   bool doubts_units() const { return doubts_units_; }
   // The run has ended: returns what could not be said before.

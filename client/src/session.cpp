@@ -193,7 +193,7 @@ void SessionState::check_answered(const Batch& request, const wire::Reply& reply
   if (!closure) return;
   closure->answered(request, reply.batch, std::get<wire::Upscale>(reply.body), step_options, mode);
   if (!inputs) return;
-  for (const std::string& warning : inputs->add(request, step_options.dt_s))
+  for (const std::string& warning : inputs->add(request, step_options.dt_s, node_ids))
     write_line(connection->options().log, "warning: " + warning);
   if (inputs->doubts_units()) closure->doubt_units();
 } catch (const std::exception&) {

@@ -18,6 +18,8 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::StartsWith;
 
+const std::vector<std::uint64_t> kNodes = {7, 8, 9};
+
 Batch velocity_driven(double pressure, double jump) {
   Batch batch = Batch::of(std::array{Field::kVelocityJump, Field::kPressure}, 3);
   std::ranges::fill(batch.f64(Field::kVelocityJump), jump);
@@ -43,7 +45,7 @@ std::vector<std::string> run(int steps, double jump, const PressureOf& pressure_
   InputCheck check;
   std::vector<std::string> all;
   const auto take = [&](const std::vector<std::string>& some) { all.insert(all.end(), some.begin(), some.end()); };
-  for (int step = 0; step < steps; ++step) take(check.add(velocity_driven(pressure_of(step), jump), dt));
+  for (int step = 0; step < steps; ++step) take(check.add(velocity_driven(pressure_of(step), jump), dt, kNodes));
   take(check.end());
   return all;
 }
@@ -77,10 +79,10 @@ TEST(InputCheck, ARealContactDrawsNoWarning) {
 
 TEST(InputCheck, ARunThatIsAtRestFirstIsJudgedWhenItSlides) {
   InputCheck check;
-  for (int step = 0; step < 50; ++step) EXPECT_THAT(check.add(velocity_driven(2'000.0, 0.0), 1e-9), IsEmpty());
+  for (int step = 0; step < 50; ++step) EXPECT_THAT(check.add(velocity_driven(2'000.0, 0.0), 1e-9, kNodes), IsEmpty());
   std::vector<std::string> all;
   for (int step = 0; step < 50; ++step)
-    for (const std::string& warning : check.add(velocity_driven(2'000.0, 50.0), 1e-9)) all.push_back(warning);
+    for (const std::string& warning : check.add(velocity_driven(2'000.0, 50.0), 1e-9, kNodes)) all.push_back(warning);
   EXPECT_THAT(all, ElementsAre(HasSubstr("as MPa it would be 2 GPa")));
 }
 
@@ -93,7 +95,7 @@ TEST(InputCheck, NamesAPressureOfTheWrongSign) {
   InputCheck check;
   int said_at = 0;
   for (int step = 1; step <= 400 && said_at == 0; ++step)
-    if (!check.add(velocity_driven(step <= 200 ? 0.0 : -11'200.0, 0.0), 1e-9).empty()) said_at = step;
+    if (!check.add(velocity_driven(step <= 200 ? 0.0 : -11'200.0, 0.0), 1e-9, kNodes).empty()) said_at = step;
   EXPECT_GE(said_at, 300);
   EXPECT_LE(said_at, 316) << "one step of 16 is looked at until something happens";
 }
@@ -113,11 +115,11 @@ TEST(InputCheck, NamesALongFirstStepOnce) {
 }
 
 TEST(InputCheck, JudgesTheChangeOfTheJumpAndNotTheJump) {
-  const auto first = [](const Batch& batch) { return InputCheck().add(batch, 1e-9); };
+  const auto first = [](const Batch& batch) { return InputCheck().add(batch, 1e-9, kNodes); };
   EXPECT_THAT(first(far_field(1001.0, 0.0)), IsEmpty()) << "a fast flyer";
   EXPECT_THAT(first(far_field(5000.0, 1e9)), IsEmpty());
   EXPECT_THAT(first(far_field(100.0, 1e11)),
-              ElementsAre(StartsWith("mass_soft_kg_per_m2: without friction the jump of row 0 changes from 100 to ")));
+              ElementsAre(StartsWith("mass_soft_kg_per_m2: without friction the jump of node 7 changes from 100 to ")));
   Batch stick =
       Batch::of(std::array{Field::kVelocityJump, Field::kPressure, Field::kStickStress, Field::kImpedance}, 1);
   stick.f64(Field::kVelocityJump)[0] = 1500.0;
@@ -135,7 +137,7 @@ TEST(InputCheck, NamesBodiesLighterThanMetals) {
     for (const Field field : {Field::kMassSoft, Field::kMassHard})
       for (double& mass : batch.f64(field)) mass *= factor;
     InputCheck check;
-    const auto found = check.add(batch, 1e-9);
+    const auto found = check.add(batch, 1e-9, kNodes);
     EXPECT_EQ(check.doubts_units(), !found.empty());
     return found;
   };
@@ -150,7 +152,7 @@ TEST(InputCheck, NamesBodiesLighterThanMetals) {
   stick.f64(Field::kPressure)[0] = 4e8;
   stick.f64(Field::kImpedance)[0] = 0.1;
   stick.f64(Field::kStickStress)[0] = 10.0;
-  EXPECT_THAT(InputCheck().add(stick, 1e-9),
+  EXPECT_THAT(InputCheck().add(stick, 1e-9, kNodes),
               ElementsAre(AllOf(StartsWith("impedance_pa_s_per_m: the first step"), HasSubstr("Pa s/m and Pa"))));
 }
 
@@ -159,7 +161,7 @@ TEST(InputCheck, AStepFarLongerThanAllBeforeItIsTold) {
     InputCheck check;
     std::vector<std::string> all;
     for (const double dt : lengths)
-      for (const std::string& warning : check.add(velocity_driven(1e9, 100.0), dt)) all.push_back(warning);
+      for (const std::string& warning : check.add(velocity_driven(1e9, 100.0), dt, kNodes)) all.push_back(warning);
     return all;
   };
   EXPECT_THAT(warnings_of({1e-9, 2e-9, 1e-3, 1e-9, 1e-3, 10.0}),
