@@ -165,7 +165,7 @@ module shearbus
     type(c_ptr) :: handle = c_null_ptr
   contains
     ! Bound here so that the submodule links to them: gfortran gives other private procedures no symbol.
-    procedure, private, nopass :: clear, report, refuse, text_of, give_options, per_node, adopt_nodes, fields_of, &
+    procedure, private, nopass :: clear, report, refuse, text_of, give_options, name_word, per_node, adopt_nodes, fields_of, &
                                   make_columns, follow_nodes
   end type
   public :: shearbus_mpi_open, shearbus_mpi_restart, shearbus_mpi_redistribute, shearbus_mpi_dump, shearbus_mpi_agree, &
@@ -399,7 +399,7 @@ contains
     type(c_options) :: options
     call give_options(options, texts, scene, scene_text, endpoint, domain, name, server_key_file, secret_key_file, &
                       connect_deadline, reply_deadline, retry_after, state_dir, threads, check_closure, idle_limit)
-    call enter(self, options, '', nodes, initial_temperature, pair, parameters, values, stat, msg)
+    call enter(self, options, '', nodes, initial_temperature, pair, parameters, values, check_closure, stat, msg)
   end subroutine
 
   subroutine open_32(self, nodes, scene, scene_text, endpoint, domain, initial_temperature, name, server_key_file, &
@@ -437,17 +437,18 @@ contains
     call give_options(options, texts, endpoint=endpoint, name=name, server_key_file=server_key_file, &
                       secret_key_file=secret_key_file, connect_deadline=connect_deadline, reply_deadline=reply_deadline, &
                       retry_after=retry_after, state_dir=state_dir, threads=threads, check_closure=check_closure)
-    call enter(self, options, ticket//c_null_char, expected, pair=pair, parameters=parameters, values=values, stat=stat, msg=msg)
+    call enter(self, options, ticket//c_null_char, expected, pair=pair, parameters=parameters, values=values, &
+               check_closure=check_closure, stat=stat, msg=msg)
   end subroutine
 
   ! Opens a session, or resumes the one of the ticket.
-  subroutine enter(self, options, ticket, nodes, initial_temperature, pair, parameters, values, stat, msg)
+  subroutine enter(self, options, ticket, nodes, initial_temperature, pair, parameters, values, check_closure, stat, msg)
     class(shearbus_interface), intent(inout), target :: self
     type(c_options), intent(in) :: options
     character(len=*), intent(in) :: ticket
     integer(int64), intent(in) :: nodes(:)
     real(real64), intent(in), optional :: initial_temperature(:), values(:, :)
-    character(len=*), intent(in), optional :: pair(:), parameters(:)
+    character(len=*), intent(in), optional :: pair(:), parameters(:), check_closure
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     type(node_values), target :: held
@@ -461,6 +462,7 @@ contains
     else if (code == 0) then
       code = c_open_nodes(self%handle, options, of, status)
     end if
+    call name_word(code, status, check_closure)
     if (code == 0) call adopt_nodes(self)
     if (code == 0) call make_columns(self, fields_of(self))
     call report(code, status, stat, msg)
@@ -560,9 +562,19 @@ contains
     if (present(retry_after)) options%retry_after_s = retry_after
     if (present(threads)) options%threads = int(threads, c_int32_t)
     if (present(idle_limit)) options%idle_limit_s = idle_limit
-    if (present(check_closure)) then  ! an unknown word is a number that the library refuses
+    if (present(check_closure)) then  ! an unknown word is a number that the library refuses: name_word()
       options%check_closure = findloc([character(5) :: 'warn', 'off', 'error'], check_closure, dim=1) - 1
     end if
+  end subroutine
+
+  ! Names the unknown word in place of the number that the library has refused.
+  subroutine name_word(code, status, check_closure)
+    integer(c_int), intent(inout) :: code
+    type(c_status), intent(inout) :: status
+    character(len=*), intent(in), optional :: check_closure
+    if (code /= shearbus_code_invalid_value .or. .not. present(check_closure)) return
+    if (text_of(status%field) == 'check_closure') &
+      call refuse_text(code, status, "check_closure is '"//trim(check_closure)//"', expected 'warn', 'off' or 'error'")
   end subroutine
 
   ! The address of one value per node, or of nothing where they are absent.
@@ -1321,9 +1333,9 @@ contains
     code = shearbus_code_shape
     status%code = code
     status%remedy(1) = c_null_char
-    do i = 1, len(text)
+    do i = 1, min(len(text), size(status%text) - 1)
       status%text(i) = text(i:i)
     end do
-    status%text(len(text) + 1) = c_null_char
+    status%text(i) = c_null_char
   end subroutine
 end module

@@ -40,6 +40,7 @@ contains
     call per_node(initial_temperature, size(nodes), temperatures, temperatures_at, code, status)
     code = c_mpi_open_f(ranks%handle, int(comm, c_int), code, root, bus%handle, options, size(nodes, kind=c_size_t), nodes, &
                       temperatures_at, status)
+    call name_word(code, status, check_closure)
     if (code == 0 .and. root == 0) then
       call adopt_nodes(bus)
       call make_columns(bus, fields_of(bus))
@@ -67,6 +68,7 @@ contains
                       retry_after=retry_after, check_closure=check_closure, idle_limit=idle_limit)
     code = c_mpi_restart_f(ranks%handle, int(comm, c_int), bus%handle, options, trim(manifest)//c_null_char, &
                          size(nodes, kind=c_size_t), nodes, status)
+    call name_word(code, status, check_closure)
     if (code == 0) call adopt_nodes(bus)
     if (code == 0) call make_columns(bus, fields_of(bus))
     call report(code, status, stat, msg)
