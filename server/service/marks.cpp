@@ -87,7 +87,7 @@ void Service::rollback(Member& member, const wire::Rollback& rollback, const Arr
       refuse(Code::kUnknownMark, "rollback.to_mark",
              fmt::format("no mark has the name \"{}\"; the session has {}", printable(rollback.to_mark),
                          names_of(member.marks)),
-             "The oldest mark goes when a session has more than the limit.");
+             fmt::format("Name a mark that it has, or mark first; the newest {} are kept.", wire::kMaxMarks));
     const MarkPtr to = *found;
     aside(bytes_of_lists(to->node_ids.size()), [&] { reply.batch = node_column(to->node_ids); });
     rollback_to(member, *to, arrival);
