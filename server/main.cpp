@@ -62,7 +62,7 @@ void add_options(CLI::App& app, ServerOptions& options) {
                  "at the end")
       ->type_name("FILE");
   app.add_option("--threads", options.threads, "Threads that solve layers; 0: one per core")
-      ->check(CLI::Range(0U, 4096U))
+      ->check(CLI::Range(0U, shearbus::wire::kMaxThreads))
       ->capture_default_str();
   app.add_option("--nodes-per-task", options.nodes_per_task, "Steps of fewer nodes are solved on one thread")
       ->check(CLI::PositiveNumber)

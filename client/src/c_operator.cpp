@@ -87,10 +87,14 @@ int shearbus_connect(shearbus_operator** at, const shearbus_options* options, sh
     auto made = std::make_unique<shearbus_operator>();
     made->log = LineLog(given.log, given.log_user, environment(given, "SHEARBUS_LOG"));
     const std::string endpoint = endpoint_of(given);
-    embed(given, endpoint, made->embedded);
-    ClientOptions to = client_options(given, endpoint, made->embedded, made->log);
-    to.wait_for_recovery = false;
-    made->client.emplace(std::move(to));
+    try {
+      embed(given, endpoint, made->embedded);
+      ClientOptions to = client_options(given, endpoint, made->embedded, made->log);
+      to.wait_for_recovery = false;
+      made->client.emplace(std::move(to));
+    } catch (const Error& fault) {
+      throw naming_variable(fault.status(), options);
+    }
     *at = made.release();
   });
 }

@@ -54,11 +54,11 @@ std::string text_of_file(const std::string& path) try {
          "scene_file");
 }
 
-void reading(const char* file, std::string (*read)(const std::filesystem::path&), std::string& key) {
+void reading(const char* file, std::string (*read)(const std::filesystem::path&), const char* field, std::string& key) {
   try {
     key = read(file);
   } catch (const std::runtime_error& fault) {
-    refuse(Code::kAuth, fault.what(), "shearbus-ctl keygen makes a pair of key files.");
+    refuse(Code::kAuth, fault.what(), "shearbus-ctl keygen makes a pair of key files.", field);
   }
 }
 
@@ -145,7 +145,17 @@ Scene scene_of(const shearbus_options& options) {
 }
 
 bool is_embedded(const std::string& endpoint) {
-  return endpoint.empty() || endpoint == "embedded";
+  return endpoint.empty() || endpoint.substr(0, endpoint.find_last_not_of(' ') + 1) == "embedded";
+}
+
+Error naming_variable(Status status, const shearbus_options* options) {
+  constexpr std::pair<const char*, const char*> kVariables[] = {{"endpoint", "SHEARBUS_ENDPOINT"},
+                                                                {"scene_file", "SHEARBUS_SCENE"},
+                                                                {"secret_key_file", "SHEARBUS_SECRET_KEY_FILE"}};
+  for (const auto& [field, variable] : kVariables)
+    if (status.field == field && !environment(*options, variable).empty())
+      status.text += fmt::format("; the {} is that of the environment, {}", field, variable);
+  return Error(std::move(status));
 }
 
 std::string endpoint_of(const shearbus_options& options) {
@@ -155,6 +165,9 @@ std::string endpoint_of(const shearbus_options& options) {
 }
 
 void embed(const shearbus_options& options, const std::string& endpoint, std::optional<EmbeddedServer>& embedded) {
+  if (options.threads > wire::kMaxThreads)
+    refuse(Code::kInvalidValue, fmt::format("threads is {}, expected at most {}", options.threads, wire::kMaxThreads),
+           "Give the number of cores at most, or 0 for the default.", "threads");
   if (is_embedded(endpoint))
     embedded.emplace(std::string(text_or(options.state_dir)), options.threads == 0 ? 1 : options.threads);
   else if (options.state_dir != nullptr && environment(options, "SHEARBUS_ENDPOINT").empty())
@@ -177,10 +190,11 @@ ClientOptions client_options(const shearbus_options& options, const std::string&
   to.context = embedded ? embedded->context() : nullptr;
   to.name = text_or(options.name, "libshearbus");
   if (!embedded && options.server_key_file != nullptr)
-    reading(options.server_key_file, files::read_public_key, to.server_key);
+    reading(options.server_key_file, files::read_public_key, "server_key_file", to.server_key);
   std::string secret_key_file = environment(options, "SHEARBUS_SECRET_KEY_FILE");
   if (secret_key_file.empty()) secret_key_file = text_or(options.secret_key_file);
-  if (!embedded && !secret_key_file.empty()) reading(secret_key_file.c_str(), files::read_secret_key, to.secret_key);
+  if (!embedded && !secret_key_file.empty())
+    reading(secret_key_file.c_str(), files::read_secret_key, "secret_key_file", to.secret_key);
   to.connect_deadline = seconds(options.connect_deadline_s, defaults.connect_deadline, "connect_deadline_s");
   to.reply_deadline = seconds(options.reply_deadline_s, defaults.reply_deadline, "reply_deadline_s");
   to.retry_after = seconds(options.retry_after_s, defaults.retry_after, "retry_after_s");

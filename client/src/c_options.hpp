@@ -44,6 +44,8 @@ std::chrono::milliseconds seconds(double value, std::chrono::milliseconds otherw
 
 std::string endpoint_of(const shearbus_options& options);
 bool is_embedded(const std::string& endpoint);  // names no server of another process
+// A fault of an opening, with the variable of the environment that gave the option at fault, if one did.
+Error naming_variable(Status status, const shearbus_options* options);
 // The server in this process, if the endpoint names none. Throws Error for options that do not go with the endpoint.
 void embed(const shearbus_options& options, const std::string& endpoint, std::optional<EmbeddedServer>& embedded);
 ClientOptions client_options(const shearbus_options& options, const std::string& endpoint,

@@ -106,7 +106,7 @@ int open_by(shearbus_session** session, const shearbus_options* options, shearbu
       opening(known(options, "shearbus_options"), call);
     } catch (const Error& fault) {
       if (!keeps_doubted || fault.status().code != Code::kUnknownOutcome) drop_unopened();
-      throw;
+      throw naming_variable(fault.status(), options);
     } catch (const std::bad_alloc&) {
       if (!keeps_doubted) drop_unopened();
       throw;
@@ -184,7 +184,8 @@ void tell(const shearbus_session& handle, const std::string& line) {
 }
 
 void refuse_no_session() {
-  refuse(Code::kInvalidValue, "there is no session: none was opened, or its opening failed", "Open a session first.");
+  refuse(Code::kInvalidValue, "there is no session: none was opened, its opening failed, or it is closed",
+         "Open a session first.");
 }
 void settle(shearbus_session& handle, bool started) {
   settle_doubt(handle);

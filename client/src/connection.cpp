@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -73,7 +74,8 @@ void check_port(std::string_view endpoint) {
   throw Error({.code = Code::kUnreachable,
                .text = fmt::format("{}: expected a port from 1 to {} at the end, found {}",
                                    wire::printable(endpoint, kLongestShown), kLastPort, wire::in_quotes(port)),
-               .remedy = "Write tcp://HOST:PORT, with the port that the log of the server names."});
+               .remedy = "Write tcp://HOST:PORT, with the port that the log of the server names.",
+               .field = "endpoint"});
 }
 
 void check_endpoint(const ClientOptions& options) {
@@ -84,13 +86,15 @@ void check_endpoint(const ClientOptions& options) {
     throw Error(
         {.code = Code::kUnreachable,
          .text = fmt::format("\"{}\" is not an endpoint", wire::printable(endpoint, kLongestShown)),
-         .remedy = "Use tcp://host:port, ipc://path, file://path of an endpoint file, or the inproc:// endpoint of an "
-                   "embedded server."});
+         .remedy = "Use tcp://host:port, ipc://path, file://path of an endpoint file, or \"embedded\" for a server in "
+                   "this process.",
+         .field = "endpoint"});
   check_port(endpoint);
   if (endpoint.starts_with(kOwnProcess) && options.context == nullptr)
     throw Error({.code = Code::kUnreachable,
                  .text = fmt::format("{} can be reached only by the program that started the server", endpoint),
-                 .remedy = "Leave the endpoint out for a server in this process, or give that of another server."});
+                 .remedy = "Leave the endpoint out for a server in this process, or give that of another server.",
+                 .field = "endpoint"});
   if (options.server_key.empty() && options.secret_key.empty()) return;
   if (!file && !endpoint.starts_with("tcp://"))
     throw Error({.code = Code::kAuth,
@@ -176,7 +180,7 @@ void SocketConnection::start_recording() {
                                              .sessions = {},
                                              .log = [report](const std::string& line, bool) { report(line); }});
   } catch (const std::exception& fault) {
-    report(fmt::format("nothing is recorded: {}", fault.what()));
+    report(fmt::format("SHEARBUS_RECORD: nothing is recorded: {}", fault.what()));
   }
 }
 
@@ -308,9 +312,14 @@ bool SocketConnection::connect() {
   monitor_file_ = zmq::socket_ref(zmq::from_handle, monitor_.get()).get(zmq::sockopt::fd);
   monitor_unread_ = true;
   // libzmq would go on trying for ever.
-  if (server_.endpoint.starts_with("ipc://") &&
-      ::faccessat(AT_FDCWD, server_.endpoint.c_str() + std::strlen("ipc://"), W_OK, AT_EACCESS) != 0 &&
-      errno == EACCES) {
+  const bool ipc = server_.endpoint.starts_with("ipc://");
+  const std::string path = ipc ? server_.endpoint.substr(std::strlen("ipc://")) : "";
+  struct stat found {};
+  if (ipc && ::stat(path.c_str(), &found) == 0 && !S_ISSOCK(found.st_mode)) {
+    socket_.reset();
+    no_address("expected the socket of a server, found another file or a directory");
+  }
+  if (ipc && ::faccessat(AT_FDCWD, path.c_str(), W_OK, AT_EACCESS) != 0 && errno == EACCES) {
     socket_.reset();
     throw Error({.code = Code::kAuth,
                  .text = fmt::format("{}: uid {} may not connect there", where_, ::geteuid()),
@@ -319,15 +328,24 @@ bool SocketConnection::connect() {
                                        ::geteuid())});
   }
   if (wire::uninterrupted([&] { return zmq_connect(socket_.get(), server_.endpoint.c_str()); }) != 0) {
-    const std::string why =
-        zmq_errno() == ENAMETOOLONG
-            ? fmt::format("the path has {} bytes, and the path of a socket has at most {}; choose a shorter one",
-                          server_.endpoint.size() - std::strlen("ipc://"), wire::kLongestSocketPath)
-            : zmq_strerror(zmq_errno());
+    const int fault = zmq_errno();
     socket_.reset();
-    unreachable(where_, why);
+    no_address(fault == ENAMETOOLONG
+                   ? fmt::format("the path has {} bytes, and the path of a socket has at most {}; choose a shorter one",
+                                 path.size(), wire::kLongestSocketPath)
+               : fault == EINVAL ? "a client cannot connect to this"
+                                 : zmq_strerror(fault));
   }
   return true;
+}
+
+void SocketConnection::no_address(const std::string& why) const {
+  throw Error({.code = Code::kUnreachable,
+               .text = fmt::format("{}: {}", where_, why),
+               .remedy =
+                   "Give what the log of the server names: tcp://HOST:PORT with the name of its machine, ipc://PATH "
+                   "of its socket, or file://PATH of its endpoint file.",
+               .field = "endpoint"});
 }
 
 std::string SocketConnection::own_public_key() const {

@@ -82,6 +82,7 @@ class Event {
   int file_;
 };
 
+inline constexpr unsigned kMaxThreads = 4096;           // of a server, that solve layers
 inline constexpr std::size_t kLongestSocketPath = 107;  // [bytes] of an ipc socket in the file system
 
 // True if a process listens at the path of a socket, even if it does not answer.

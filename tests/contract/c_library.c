@@ -126,11 +126,28 @@ static void bad_openings(void) {
   options.state_dir = directory;
   REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_UNSUPPORTED, "state_dir");
   options = options_of();
+  options.threads = 4000000000;
+  options.endpoint = "embedded ";
+  REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_INVALID_VALUE,
+          "threads is 4000000000, expected at");
+  options = options_of();
   options.check_closure = 7;
   REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_INVALID_VALUE, "check_closure is 7");
   options = options_of();
   options.endpoint = "carrier-pigeon";
   REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_UNREACHABLE, "not an endpoint");
+  CHECK(strstr(status.remedy, "\"embedded\"") != NULL && strcmp(status.field, "endpoint") == 0);
+  char of_file[128];
+  snprintf(of_file, sizeof of_file, "ipc://%s", scene);
+  const char* const no_addresses[][2] = {{"ipc://", "a client cannot connect to this"},
+                                         {"tcp://*:5555", "a client cannot connect to this"},
+                                         {"ipc:///tmp", "expected the socket of a server"},
+                                         {of_file, "expected the socket of a server"}};
+  for (int i = 0; i < 4; ++i) {
+    options.endpoint = no_addresses[i][0];
+    REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_UNREACHABLE, no_addresses[i][1]);
+    CHECK(strstr(status.remedy, "the log of the server") != NULL && strcmp(status.field, "endpoint") == 0);
+  }
   options.endpoint = "ipc:///tmp/shearbus-nobody-listens";
   options.connect_deadline_s = 0.2;
   REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_UNREACHABLE, "no server answered");
@@ -188,6 +205,7 @@ static void bad_steps(void) {
   REFUSED(shearbus_commit(session, &status), SHEARBUS_NOTHING_TO_COMMIT, "");
   REFUSED(shearbus_finish(session, NULL, &status), SHEARBUS_INVALID_VALUE, "a step is finished that was not started");
   REFUSED(shearbus_rollback_to(session, "never", &status), SHEARBUS_UNKNOWN_MARK, "never");
+  CHECK(strstr(status.remedy, "mark first; the newest 2 are kept") != NULL);
   REFUSED(shearbus_mark(session, "", &status), SHEARBUS_INVALID_VALUE, "name");
   CHECK(last_sequence(session) == before);                                             /* nothing of it counted */
   for (int i = 0; i < N; ++i) CHECK(nodes[i].stress == -1.0 && nodes[i].regime == 99); /* nor was an output touched */
@@ -364,8 +382,22 @@ static void environment(void) {
   setenv("SHEARBUS_LOG", log_file, 1);
   OK(shearbus_open(&session, &options, N, ids, NULL, &status));
   OK(shearbus_close(&session, &status));
-  unsetenv("SHEARBUS_ENDPOINT");
+  REFUSED(shearbus_commit(session, &status), SHEARBUS_INVALID_VALUE, "or it is closed");
+  setenv("SHEARBUS_SCENE", "nosuch", 1);
+  REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_INVALID_SCENE, "SHEARBUS_SCENE");
   unsetenv("SHEARBUS_SCENE");
+  options.scene_file = scene;
+  setenv("SHEARBUS_ENDPOINT", "foo", 1);
+  REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_UNREACHABLE, "SHEARBUS_ENDPOINT");
+  setenv("SHEARBUS_ENDPOINT", "ipc:///tmp/shearbus-nobody-listens", 1);
+  options.connect_deadline_s = 0.2;
+  REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_UNREACHABLE, "SHEARBUS_ENDPOINT");
+  options.connect_deadline_s = 0.0;
+  setenv("SHEARBUS_ENDPOINT", endpoint, 1);
+  setenv("SHEARBUS_SECRET_KEY_FILE", "nokey", 1);
+  REFUSED(shearbus_open(&session, &options, N, ids, NULL, &status), SHEARBUS_AUTH, "SHEARBUS_SECRET_KEY_FILE");
+  unsetenv("SHEARBUS_SECRET_KEY_FILE");
+  unsetenv("SHEARBUS_ENDPOINT");
   /* A program whose command line decides. */
   options.endpoint = endpoint;
   options.scene_file = scene;
