@@ -58,7 +58,8 @@ using EventRecord = FileRecord<RecordHeader, 4>;
 EventLogWriter::EventLogWriter(const std::filesystem::path& file, const EventLogHead& head) : name_(file.string()) {
   file_ = ::open(name_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (file_ < 0 && errno == EEXIST)
-    throw std::runtime_error(name_ + " exists already; name a new file or a directory for the recording");
+    throw std::runtime_error(name_ +
+                             " exists already; name a new file, or a directory with / at its end, for the recording");
   if (file_ < 0) fail("cannot make", errno);
   FileHeader header{.session_id = head.session_id,
                     .created_ns = head.created_ns,

@@ -282,7 +282,7 @@ class Clients(RecordTest):
         (self.path / "file").write_text("kept")
         said = self.fortran_host(str(self.path / "file"))
         self.assertIn("is not recorded: ", said)
-        self.assertIn("file exists already; name a new file or a directory", said)
+        self.assertIn("file exists already; name a new file, or a directory with / at its end", said)
         self.assertEqual((self.path / "file").read_text(), "kept")
 
     def test_a_log_that_cannot_be_opened_is_told_and_no_fault_of_the_host(self):

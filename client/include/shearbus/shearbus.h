@@ -35,7 +35,7 @@
  *   SHEARBUS_SECRET_KEY_FILE  replaces shearbus_options.secret_key_file
  *   SHEARBUS_SCENE            file that replaces the scene of shearbus_options
  *   SHEARBUS_FALLBACK         allows the host's own law while the server is gone (shearbus_set_fallback), after this time [s]
- *   SHEARBUS_RECORD           directory, or new file, that gets an event log of the session, for shearbus-replay
+ *   SHEARBUS_RECORD           directory (DIR/), or new file, that gets an event log of the session, for shearbus-replay
  *   SHEARBUS_LOG              file to which the library appends its log lines; "stderr" for standard error */
 #ifndef SHEARBUS_H
 #define SHEARBUS_H
