@@ -272,7 +272,7 @@ class Forms(Live):
             for name in ("stress", "jump_new", "temperature"):
                 numpy.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-12)
         both = {**self.FAR, **self.stick(1e-9)}
-        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: far.step(1e-9, **both), "stress_soft")
+        self.assert_refused(shearbus.MessageError, "SHAPE", lambda: far.step(1e-9, **both), "stress_soft", text="is of the far-field form")
         part = {name: value for name, value in self.stick(1e-9).items() if name != "impedance"}
         self.assert_refused(shearbus.MessageError, "SHAPE", lambda: far.step(1e-9, **part), "impedance", text="missing")
 
@@ -502,16 +502,19 @@ class Refusals(Live):
                                 lambda: self.bus.step(1e-9, nodes=[7], jump=value, pressure=1.0), "jump", [7])
         for dt, values, field, text in ((1e-9, {"jump": 1.0}, "pressure", "is missing"), (1e-9, {**good, "pressure": None}, "pressure", "is None"),
                                         (1e-9, {**good, "presure": 1.0}, "presure", 'mean "pressure"'),
+                                        (1e-9, {"velocity_jump": 1.0, "pressure": 1.0}, "velocity_jump", 'mean "jump"'),
+                                        (1e-9, {**good, "nods": [3]}, "nods", 'mean "nodes"'),
                                         (1e-9, {**good, "stress_soft": 1.0}, "stress_soft", ""), ("1 ns", good, "dt", "")):
             with self.subTest(field):
                 self.silently(lambda: self.bus.step(dt, **values), shearbus.MessageError, "SHAPE", field, text=text)
         numpy.testing.assert_array_equal(self.bus.step(1e-9, **good).stress, self.plain.step(1e-9, **good).stress)
 
     def test_nodes_are_refused_where_they_are_no_distinct_whole_numbers(self):
-        for wrong in ([1.0, 2.0], numpy.array([1, 2], numpy.float32), [[1, 2]], 5, ["a"], [True, False], [2**64], None,
-                      numpy.ma.masked_array([1, 2])):
+        for wrong, text in (([1, 1.5], "has 1.5 of type float at [1], expected"), (numpy.array([1, 2], numpy.float32), "type float32"),
+                            ([[1, 2]], "[1, 2] of type list"), (5, "nodes is 5 of type int"), (["a"], "'a'"), ([True, False], "True"),
+                            ([2**64], f"{2**64}"), ([-2**64], f"{-2**64}"), (None, "None"), (numpy.ma.masked_array([1, 2]), "masked")):
             self.silently(lambda: self.bus.step(1e-9, nodes=wrong, jump=1.0, pressure=1.0) if wrong is not None else
-                          self.bus.register(wrong), shearbus.MessageError, "SHAPE", "nodes")
+                          self.bus.register(wrong), shearbus.MessageError, "SHAPE", "nodes", text=text)
         self.silently(lambda: self.bus.register([5, -4]), shearbus.ContentError, "INVALID_VALUE", "nodes", text="-4")
         self.silently(lambda: self.bus.retire([7, 3, 7]), shearbus.ContentError, "DUPLICATE_NODE", "nodes", [7])
         self.silently(lambda: self.bus.offer([7, 7]), shearbus.ContentError, "DUPLICATE_NODE", "nodes", [7])
@@ -781,10 +784,12 @@ class Processes(Live):
         def told(library):
             return self.run_program(sys.executable, "-B", "-c", program, env={**os.environ, "SHEARBUS_LIBRARY": str(library)}, code=1).stderr.splitlines()[-1]
 
-        for names, text in (((), "has no shearbus_"), (FUNCTIONS, "is version 0.0.9, and this package is")):
+        for names, text in (((), "is older than this package"), (FUNCTIONS, "is version 0.0.9, and this package is")):
             lines = [source, *(f"void shearbus_{name}(void) {{}}" for name, *_ in names if name != "version")]
             self.run_program("cc", "-shared", "-fPIC", "-x", "c", "-", "-o", other, input="\n".join(lines))
             self.assertIn(text, told(other))
+        self.run_program("cc", "-shared", "-fPIC", "-x", "c", "-", "-o", other, input="int other;")
+        self.assertIn("it is another library", told(other))
         self.assertRegex(told("/nowhere"), "LibraryError.*cannot be loaded: /nowhere.*SHEARBUS_LIBRARY")
 
 
@@ -815,11 +820,14 @@ class Manners(Live):
                 (TypeError, lambda: self.open(name=3), "name"),
                 (TypeError, lambda: self.open(idle_limit=1.5), "idle_limit"),
                 (TypeError, lambda: self.open(pair=[b"weak"] * 3), "pair"),
-                (ValueError, lambda: self.open(check_closure="maybe"), "check_closure")):
+                (ValueError, lambda: self.open(check_closure="maybe"), "check_closure"),
+                (TypeError, lambda: self.open(idle_limt=1), "idle_limt")):
             with self.assertRaises(kind) as caught:
                 call()
             self.assertIsInstance(caught.exception, shearbus.MessageError)
             self.assertEqual(caught.exception.field, field)
+        with self.assertRaisesRegex(shearbus.WrongType, r"open\(\) has no argument 'endpont'; did you mean \"endpoint\"\?"):
+            shearbus.open(VELOCITY_DRIVEN, [1], endpont="ipc:///x")
         for ticket in (bus.ticket.encode(), bus.ticket.upper()):
             self.assert_refused(shearbus.SessionError, "RESUME_REFUSED", lambda: shearbus.resume(ticket, OPTIONS.endpoint), "ticket")
 

@@ -116,8 +116,8 @@ def library():
         for name, result, arguments in FUNCTIONS:
             function = getattr(loaded, f"shearbus_{name}", None)
             if function is None:
-                raise LibraryError(Code.LIBRARY_FAULT, f"{place} has no shearbus_{name}: it is older than this package, {VERSION}",
-                                   REMEDY)
+                why = f"is older than this package, {VERSION}" if hasattr(loaded, "shearbus_version") else "is another library"
+                raise LibraryError(Code.LIBRARY_FAULT, f"{place} has no shearbus_{name}: it {why}", REMEDY)
             function.restype, function.argtypes = kinds[result], [kinds[kind] for kind in arguments.split()]
         if (version := loaded.shearbus_version().decode()) != VERSION:
             raise LibraryError(Code.LIBRARY_FAULT, f"{place} is version {version}, and this package is {VERSION}",

@@ -11,6 +11,7 @@ from .errors import Code, ContentError, MessageError, WrongType, WrongValue
 
 FLOAT = numpy.dtype(float)
 LONGEST_S = 1e7
+IDS = "a list of whole numbers from 0 to 2**64 - 1"
 
 
 def node_ids(values):
@@ -26,8 +27,7 @@ def node_ids(values):
     if array.ndim != 1 or array.dtype.kind not in "iu":
         raise MessageError(
             Code.SHAPE,
-            f"nodes has the type {array.dtype} and the shape {array.shape}, expected a list of whole numbers "
-            "from 0 to 2**64 - 1", "Convert the ids explicitly: numpy.asarray(ids, numpy.uint64).", "nodes")
+            f"nodes has the type {array.dtype} and the shape {array.shape}, expected {IDS}", "Make the ids of an integer type.", "nodes")
     if array.dtype.kind == "i" and (array < 0).any():
         raise ContentError(Code.INVALID_VALUE, f"nodes has the id {array[array < 0][0]}, expected 0 or more",
                            "Number the nodes from 0 on.", "nodes")
@@ -42,13 +42,16 @@ def node_ids(values):
 
 def _whole_numbers(values):
     """Returns a sequence of Python's whole numbers as an array; numpy itself would make floats of [1, 2**64 - 1]."""
+    found, at = [], -1
     try:
-        found = [operator.index(value) for value in values if not isinstance(value, (bool, numpy.bool_))]
-        if len(found) == len(values):
-            return numpy.array(found, numpy.int64 if min(found, default=0) < 0 else numpy.uint64)
-    except (TypeError, OverflowError):
-        pass
-    return numpy.array(values, object)
+        for at, value in enumerate(values):
+            if isinstance(value, (bool, numpy.bool_)) or not -2**63 <= operator.index(value) < 2**64:
+                raise TypeError
+            found.append(value)
+    except TypeError:
+        odd = f"is {_shown(values)}" if at < 0 else f"has {_shown(value)} at [{at}]"
+        raise MessageError(Code.SHAPE, f"nodes {odd}, expected {IDS}", "Number the nodes by whole numbers.", "nodes") from None
+    return numpy.array(found, numpy.int64 if min(found, default=0) < 0 else numpy.uint64)
 
 
 def fill(rows, name, value):
@@ -179,7 +182,8 @@ def word(name, value, known):
 
 
 def similar(name, known):
-    found = difflib.get_close_matches(name, known, 1)
+    own = _library.in_python(name)  # of a name as recordings and the protocol have it
+    found = [own] if own in known else difflib.get_close_matches(name, known, 1)
     return f'; did you mean "{found[0]}"?' if found else ""
 
 

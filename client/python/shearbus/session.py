@@ -3,6 +3,7 @@ library libshearbus makes the calls (client/include/shearbus/shearbus.h)."""
 import contextlib
 import ctypes
 import dataclasses
+import functools
 import inspect
 import os
 import re
@@ -39,6 +40,21 @@ IN_DOUBT = (Code.UNKNOWN_OUTCOME, Code.NO_MEMORY)
 _doubted = {}  # an opening whose outcome is unknown: its contents -> handle and host
 
 
+def _suggesting(function):
+    """Refuses keywords that a function does not have by the name that was probably meant."""
+    known = tuple(inspect.signature(function).parameters)
+
+    @functools.wraps(function)
+    def call(*arguments, **keywords):
+        for name in keywords:
+            if name not in known:
+                raise WrongType(Code.SHAPE, f"{function.__name__}() has no argument {name!r}{_values.similar(name, known)}",
+                                f"It has {', '.join(known)}.", name)
+        return function(*arguments, **keywords)
+    return call
+
+
+@_suggesting
 def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None, parameters=None, domain="", want=(),
          record=False, check_closure="warn", idle_limit=0, name="shearbus-python", server_key_file=None, secret_key_file=None,
          connect_deadline=None, reply_deadline=None, retry_after=None, state_dir=None, threads=None):
@@ -63,7 +79,7 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None,
     server in this process. threads: number of threads in it that solve layers, 1.
 
     The environment variables SHEARBUS_ENDPOINT, SHEARBUS_SCENE and SHEARBUS_SECRET_KEY_FILE (paths) replace endpoint,
-    scene and key; SHEARBUS_RECORD, a directory or a new file, gets an event log of the session
+    scene and key; SHEARBUS_RECORD, a directory (DIR/) or a new file, gets an event log of the session
     (proto/files/event_log.md). Doubts of the server are a SceneWarning each. Raises an Error."""
     ids = node_ids(nodes)
     given = given_nodes(ids, initial_temperature, pair, parameters)
@@ -89,6 +105,7 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None,
     return session
 
 
+@_suggesting
 def resume(ticket, endpoint=None, *, nodes=None, pair=None, parameters=None, want=(), record=False, check_closure="warn",
            name="shearbus-python", server_key_file=None, secret_key_file=None, connect_deadline=None, reply_deadline=None,
            retry_after=None, state_dir=None, threads=None):
@@ -129,7 +146,7 @@ def _options(endpoint, check_closure, name, server_key_file, secret_key_file, co
     times = {"connect_deadline": connect_deadline, "reply_deadline": reply_deadline, "retry_after": retry_after}
     return _library.Options(
         endpoint=_values.text("endpoint", endpoint), name=_values.text("name", name),
-        check_closure=_values.word("check_closure", check_closure, CHECKS), threads=0 if threads is None else count("threads", threads),
+        check_closure=_values.word("check_closure", check_closure, CHECKS), threads=0 if threads is None else min(count("threads", threads), 2**32 - 1),
         **{key: _values.text(key, value, path=True) for key, value in files.items()},
         **{f"{key}_s": _values.deadline(key, value) for key, value in times.items() if value is not None}, **more)
 
@@ -322,9 +339,14 @@ class Session:
             needed = (*(name for name in needed if name not in FAR_FIELD_FORM), *STICK_FORM)
         known = (*needed, *self.optional_columns)
         for name in names:
+            if name not in known and name in self.columns:
+                raise MessageError(
+                    Code.SHAPE, f"{name} is of the far-field form of a step, and {', '.join(n for n in names if n in STICK_FORM)} of its stick form",
+                    f"Pass the columns of one form: {', '.join(self.columns)}; or {', '.join(needed)}.", name)
             if name not in known:
                 raise MessageError(
-                    Code.SHAPE, f"a step of this scene ({self.strategy}) has no column {name!r}{_values.similar(name, known)}",
+                    Code.SHAPE,
+                    f"a step of this scene ({self.strategy}) has no column {name!r}{_values.similar(name, (*known, *OPTIONS))}",
                     f"It needs {', '.join(needed)}" +
                     (f" and may have {', '.join(self.optional_columns)}." if self.optional_columns else "."), name)
         for name in needed:
