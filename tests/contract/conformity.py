@@ -67,6 +67,8 @@ def self_test(chosen):
             missed.append(f"{fault} was not noticed by the check {check}")
         if fault == "pressure_in_gpa" and results["far_stresses"] is not None:
             missed.append(f"another pressure is taken for another stress: {results['far_stresses']}")
+        if fault == "sign_of_the_jump" and "see first_jump" not in str(results["jump"]):
+            missed.append(f"another start is taken for another mistake: {results['jump']}")
     try:
         judge(command_client(["/no/such/host"], 1.0), delay)
         missed.append("a host that cannot be started was played")

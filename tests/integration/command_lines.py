@@ -142,6 +142,11 @@ class Rehearsal(served.Served):
         self.rehearse("tcp://192.0.2.1:5999", 1, "cannot listen on tcp://192.0.2.1:5999")
         self.assertEqual((self.path / "file").read_text(), "precious")
 
+    def test_the_wait_for_a_host_ends_in_time(self):
+        done = run(self.program["shearbus-ctl"], "rehearse", "--timeout", "0.2", f"ipc://{self.path}/s")
+        self.assertEqual((done.returncode, done.stderr), (1, ""))
+        self.assertIn("the host sent no request", done.stdout)
+
     def test_the_socket_of_a_server_is_not_taken(self):
         endpoint = f"ipc://{self.path}/s"
         server = self.start(self.program["shearbus-server"], "--bind", endpoint, until="listening on")

@@ -1,9 +1,11 @@
 """The conformity kit: plays problems with exact answers into the coupling routine of a host, and holds it to the
 protocol and to closure. `shearbus-ctl rehearse` runs it, as does `python3 -m shearbus.conformity`."""
+import math
 import os
 import subprocess
 import tempfile
 import threading
+import time
 
 from . import lossy_proxy, mock_server
 from ._door import Refused
@@ -102,16 +104,16 @@ def tell(results, scenario=""):
     return sum(why is None for why in results.values())
 
 
-def await_host(endpoint, problem):
-    """Serves a problem at an endpoint until a host has closed its session, or until an interrupt. Prints what failed.
+def await_host(endpoint, problem, timeout=math.inf):
+    """Serves a problem at an endpoint until a host has closed its session, until an interrupt, or for a time (s). Prints what failed.
     Returns (checks that hold, checks). Raises Refused for an endpoint that cannot be had."""
-    server = mock_server.MockServer(problem)
+    server, end = mock_server.MockServer(problem), time.monotonic() + timeout
 
     def ready(bound):
         print(f"waiting at {bound} for a host with the problem {problem}; an interrupt ends it", flush=True)
 
     try:
-        server.serve(endpoint, ready=ready)
+        server.serve(endpoint, lambda: time.monotonic() > end, ready=ready)
     except KeyboardInterrupt:
         print()
     results = server.report.results(SCENARIOS[problem][1])

@@ -1,7 +1,7 @@
 """Plays problems with exact answers into the coupling routine of a host, by a mock server that holds the host to the
 protocol and to closure. Prints what failed and, last, "your client: 41 of 43".
 
-shearbus-ctl rehearse [--problem NAME] ENDPOINT
+shearbus-ctl rehearse [--problem NAME] [--timeout S] ENDPOINT
     waits for one run of a host that was started by hand
 shearbus-ctl rehearse [--server ENDPOINT] [--scenario NAME]... [--timeout S] [--delay S] -- COMMAND...
     starts the host for each scenario: the first two problems, messages that are lost, doubled and delayed, a restart of the
@@ -22,6 +22,7 @@ The others are played where they are named (client/examples/problems has their a
     without_strength      bodies without shear stress, of which 27.03 and 79 g/m2 move with the interface (half zones of 20 um, or
                           cells of 10 um): the jump falls by 2.482 m/s each ns and is 0 from 40.28 ns on"""
 import argparse
+import math
 import signal
 import sys
 
@@ -48,7 +49,8 @@ def main(words):
     parser.add_argument("--problem", choices=Problem.NAMES, default=Problem.NAMES[0])
     parser.add_argument("--server", help="endpoint of a real server, against which the host is run at the end")
     parser.add_argument("--scenario", action="append", choices=[*SCENARIOS, "all"], help="only this one, repeatable")
-    parser.add_argument("--timeout", type=positive_number, default=120.0, help="of one run of the host, in s (120)")
+    parser.add_argument("--timeout", type=positive_number,
+                        help="of one run of the host, in s (120); with ENDPOINT of the wait for it and its run (none)")
     parser.add_argument("--delay", type=positive_number, default=8.0,
                         help="of a delayed reply, in s (8): longer than the client waits before it repeats a request")
     at = words.index("--") if "--" in words else len(words)
@@ -63,9 +65,9 @@ def main(words):
         parser.error(str(fault))
     try:
         if options.endpoint:
-            good, total = await_host(options.endpoint, options.problem)
+            good, total = await_host(options.endpoint, options.problem, options.timeout or math.inf)
         else:
-            good, total = judge(command_client(command, options.timeout), options.delay, options.server,
+            good, total = judge(command_client(command, options.timeout or 120.0), options.delay, options.server,
                                 tuple(SCENARIOS) if "all" in (options.scenario or ()) else options.scenario or DEFAULT)
     except Refused as fault:
         complain(parser.prog, fault)

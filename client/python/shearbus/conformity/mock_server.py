@@ -2,8 +2,9 @@
 client to the protocol (proto/WIRE.md) and to closure: the jump that it answered is the jump that the host sends next.
 
 Of the scene it reads tangential_components alone. Needs numpy, pyzmq and libxxhash (or the package xxhash); of the protocol it knows what a
-step needs: hello, open_session, downscale, commit, rollback, resume_session, close_session."""
+step needs: hello, open_session, downscale, commit, rollback, mark, resume_session, close_session."""
 import cmath
+import copy
 import ctypes
 import os
 import struct
@@ -17,8 +18,9 @@ from .problems import Heat, Problem
 MAGIC = 0x31425353
 OK, BAD_FRAMING, MALFORMED, VERSION, CHECKSUM, SHAPE, UNSUPPORTED = 1, 100, 101, 102, 104, 105, 106
 UNKNOWN_SESSION, STALE_SEQUENCE, SEQUENCE_GAP, SEQUENCE_REUSED, EPOCH, NOTHING_TO_COMMIT = 200, 201, 202, 203, 204, 205
-RESUME_REFUSED, SUPERSEDED, INVALID_SCENE, INVALID_VALUE, UNKNOWN_NODE, DUPLICATE_NODE, SHUTTING_DOWN = 206, 207, 300, 301, 302, 303, 400
-HELLO, OPEN, STEP, COMMIT, ROLLBACK, CLOSE, RESUME = 16, 17, 18, 19, 20, 21, 23  # bodies, also of replies
+RESUME_REFUSED, SUPERSEDED, UNKNOWN_MARK, INVALID_SCENE, INVALID_VALUE, UNKNOWN_NODE, DUPLICATE_NODE, SHUTTING_DOWN = 206, 207, 208, 300, 301, 302, 303, 400
+HELLO, OPEN, STEP, COMMIT, ROLLBACK, CLOSE, RESUME, MARK = 16, 17, 18, 19, 20, 21, 23, 24  # bodies, also of replies
+MAX_MARKS = 2
 FLOAT64, UINT64, UINT8 = 1, 2, 3
 CODE = {FLOAT64: "d", UINT64: "Q", UINT8: "B"}
 NODE_ID, TEMPERATURE, PAIR, PARAMETER = 1, 2, 3, 4
@@ -218,6 +220,20 @@ class Session:
         self.steps, self.dts, self.time, self.version, self.claim = 0, [], 0.0, 0, 0
         self.errors = []  # (time, {node: error of its jump}) of each step, where the exact jump is known
         self.refused = None  # frames that a scripted fault refused
+        self.marks = {}  # name -> MARKED of that time
+
+    MARKED = ("jumps", "tangents", "energy", "heat", "steps", "dts", "time", "version", "errors")
+
+    def mark(self, name):
+        """Keeps the committed states, as the newest of MAX_MARKS."""
+        self.marks.pop(name, None)
+        self.marks[name] = copy.deepcopy({key: getattr(self, key) for key in self.MARKED})
+        self.marks = dict(list(self.marks.items())[-MAX_MARKS:])
+
+    def rollback_to(self, name):
+        if name not in self.marks:
+            raise Refusal(UNKNOWN_MARK, f"no mark has the name {name}; the session has {[*self.marks]}")
+        vars(self).update(copy.deepcopy(self.marks[name]))
 
 
 class MockServer:
@@ -246,8 +262,8 @@ class MockServer:
             body = next(number for number in header if number >= 16)
             fields = read(header[body][0])
             columns = self.payload(header, frames)
-            if body not in (HELLO, OPEN, STEP, COMMIT, ROLLBACK, CLOSE, RESUME):
-                raise Refusal(UNSUPPORTED, f"this mock server has no request {body}; it has what a step needs")
+            if body not in (HELLO, OPEN, STEP, COMMIT, ROLLBACK, CLOSE, RESUME, MARK):
+                raise Refusal(UNSUPPORTED, f"this mock server has no request {body}; it has what a step needs. Rehearse without it")
             reply_body, payload = self.request(body, fields, columns, header, frames, peer)
         except Refusal as refusal:
             status = [(1, refusal.code), (2, refusal.text)]
@@ -258,7 +274,7 @@ class MockServer:
         if reply_body is None:
             return payload  # the kept reply
         reply = self.reply(request_id, session_id, sequence, [(9, [(1, OK)]), (body, reply_body)], payload)
-        if body in (STEP, COMMIT, ROLLBACK, CLOSE):
+        if body in (STEP, COMMIT, ROLLBACK, CLOSE, MARK):
             self.sessions[session_id].kept = (frames, reply)
             if body == CLOSE:
                 self.closed += 1
@@ -345,7 +361,7 @@ class MockServer:
                   "its range has no 1, or its envelope is not empty")
             self.new_id(header)
             durability = "process" if self.restart_after is not None else "none"
-            limits = [(1, 524288), (2, 33554432), (3, 200000), (4, 1024), (5, 2), (20, 2), (21, 1 << 30)]
+            limits = [(1, 524288), (2, 33554432), (3, 200000), (4, 1024), (5, MAX_MARKS), (20, 2), (21, 1 << 30)]
             return [(1, 1), (3, "mock"), (4, limits), (5, "force_driven"), (5, "trial"), (5, "resume"),
                     (5, "stick_form"), (5, "parameters"), (6, durability), (20, "uid")], None
         check("hello_first", self.greeted, "no hello")
@@ -381,8 +397,13 @@ class MockServer:
             self.accept(session)
             answer = [(1, session.version)], None
         elif body == ROLLBACK:
-            session.standing = None
-            answer = [(1, session.version)] if session.version else [], None
+            session.standing, name = None, fields.get(1, [b""])[0].decode()
+            if name:
+                session.rollback_to(name)
+            answer = [(1, session.version)] * bool(session.version), {NODE_ID: session.nodes} if name else None
+        elif body == MARK:
+            session.mark(fields.get(1, [b""])[0].decode())
+            answer = [*[(1, session.version)] * bool(session.version), *((2, name) for name in session.marks)], None
         else:
             self.end(session)
             answer = [(1, session.sequence + 2), (2, session.steps * len(session.nodes))], None
@@ -645,7 +666,8 @@ class MockServer:
                   abs(mean) < PHYSICS * problem.changed(session.time),
                   f"node {node}: on average {mean:+.3g} m/s off; the friction has changed the jump by "
                   f"{problem.changed(session.time):.3g} m/s. " +
-                  ("The host rings for want of a first step of half the length: see first_step" if "first_step" in self.report.failed else
+                  ("The host does not begin as the problem does: see first_jump" if "first_jump" in self.report.failed else
+                   "The host rings for want of a first step of half the length: see first_step" if "first_step" in self.report.failed else
                    "Where the host closes, its area is wrong, or its material"))
 
     # -- the socket --
