@@ -373,7 +373,11 @@ class Commands {
         ->add_option("SCENE", options_.scene, "A TOML file")
         ->required();
     CLI::App* keys = add("keygen", "Makes a pair of keys, NAME.public and NAME.secret", keygen);
-    keys->add_option("NAME", options_.key_name, "Where, without the ending")->required();
+    keys->add_option("NAME", options_.key_name, "Where, without the ending")
+        ->check([](const std::string& text) {
+          return fs::path(text).has_filename() ? "" : fmt::format("expected a name of files, found \"{}\"", text);
+        })
+        ->required();
     keys->add_flag("--operator", options_.key_of_operator,
                    "Whoever has it may operate the server: see every session, checkpoint, drain");
   }

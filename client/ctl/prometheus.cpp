@@ -220,9 +220,11 @@ void serve_metrics(const std::string& address, std::function<ServerList()> serve
   std::optional<prometheus::Exposer> exposer;
   try {
     exposer.emplace(address);
-  } catch (const std::exception& fault) {
-    throw std::runtime_error(fmt::format("cannot listen at {}: {}; expected ADDRESS:PORT, for instance 127.0.0.1:9464",
-                                         address, fault.what()));
+  } catch (const std::exception&) {  // which does not say why
+    throw std::runtime_error(
+        fmt::format("cannot listen at {}: the port is in use or not for this user, or the address is "
+                    "not of this machine; choose others, for instance 127.0.0.1:9465",
+                    address));
   }
   const auto collected = std::make_shared<Servers>(std::move(servers), std::move(status_of));
   exposer->RegisterCollectable(collected);

@@ -127,6 +127,9 @@ class OverTime(served.Served):
         port = int(exporter.stdout.readline().split()[3].rstrip(","))
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=30) as answer:
             self.assertIn("shearbus_sessions", answer.read().decode())
+        for address in (f"127.0.0.1:{port}", "192.0.2.1:9464"):
+            self.refused(OPTIONS.ctl, "metrics", "--server", f"file://{self.file}", f"--listen={address}", code=1,
+                         said=f"cannot listen at {address}: the port is in use")
 
     def test_a_socket_whose_file_was_removed_is_made_again_and_connections_stay(self):
         socket = self.path / "bus/s"

@@ -98,6 +98,7 @@ class Programs(unittest.TestCase):
              "--durability: expected none, process or power, found powr; did you mean power?"),
             (["shearbus-ctl", "stats"], "stats is no command of shearbus-ctl; did you mean status?"),
             (["shearbus-ctl"], "A subcommand is required"),
+            (["shearbus-ctl", "keygen", "keys/"], 'NAME: expected a name of files, found "keys/"'),
             (["shearbus-ctl", "status", "--sever", "ipc:///nowhere/s"], "--sever is no option of shearbus-ctl status; did you mean --server?"),
             (["shearbus-ctl", "top", "--server", "ipc:///nowhere/s", "--by", "hotest"],
              "--by: expected hottest, fastest or molten, found hotest; did you mean hottest?"),
