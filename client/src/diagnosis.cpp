@@ -135,6 +135,7 @@ constexpr struct {
     {1e-4, "velocity_jump must be in m/s: it looks like cm/us"},
     {1e-6, "dt_s must be in s: it looks like us"},
     {1e-9, "dt_s must be in s: it looks like ns"},
+    {0.1, "both masses must be in kg/m2, or the impedance in Pa s/m: it looks like that of g/cm2"},
 };
 
 // The unit that explains all rows: `term(row)` is the part of the new jump that the unit scales, `rest(row)` all else. A

@@ -254,6 +254,7 @@ TEST(ClientClosure, NamesTheMistakeOfAFarFieldHost) {
       sent("jump in km/s", "it looks like km/s or mm/us", times({Field::kVelocityJump}, 1e-3)),
       sent("jump in cm/s", "it looks like cm/s", times({Field::kVelocityJump}, 1e2)),
       sent("jump in cm/us", "it looks like cm/us", times({Field::kVelocityJump}, 1e-4)),
+      sent("masses in g/cm2", "it looks like that of g/cm2", times(masses, 0.1)),
       {.name = "two mistakes", .named = "No single mistake", .in_request = both_signs, .to_hard = 0.0},
   };
   expect_named(server, mistakes, Form::kFarField);
@@ -292,6 +293,7 @@ TEST(ClientClosure, NamesTheMistakeOfAStickHost) {
            }),
       sent("impedance half", "impedance must be twice that sent, or the answered stress is applied to one side only",
            times(both, 0.5)),
+      sent("impedance of masses in g/cm2", "it looks like that of g/cm2", times(both, 0.1)),
       sent("jump of a Newmark predictor: the step moves the jump by half of what it moves it to the next request",
            "predictor of a Newmark scheme",
            [&](Batch& batch) {
