@@ -805,6 +805,8 @@ class Manners(Live):
                 (TypeError, lambda: bus.step(1e-9, step=1.5, **drive(1, 2, 3)), "step"),
                 (TypeError, lambda: bus.step(1e-9, attempt=True, **drive(1, 2, 3)), "attempt"),
                 (ValueError, lambda: bus.step(1e-9, step=-1, **drive(1, 2, 3)), "step"),
+                (ValueError, lambda: bus.step(1e-9, attempt=2**32, **drive(1, 2, 3)), "attempt"),
+                (ValueError, lambda: self.open(threads=2**32), "threads"),
                 (ValueError, lambda: bus.step(1e-9, absent_nodes="cool", **drive(1, 2, 3)), "absent_nodes"),
                 (TypeError, lambda: bus.mark(b"dump"), "name"),
                 (ValueError, lambda: bus.mark("a\0b"), "name"),

@@ -141,16 +141,16 @@ def deadline(name, value):
     return found
 
 
-def count(name, value):
-    """Returns a whole number from 0 on."""
+def count(name, value, bits=64):
+    """Returns a whole number from 0 on, of so many bits."""
     try:
         found = operator.index(value)
     except TypeError:
         found = None
     if found is None or isinstance(value, (bool, numpy.bool_)):
         raise WrongType(Code.SHAPE, f"{name} is {value!r}, expected a whole number from 0 on", f"Pass {name} as an int.", name)
-    if not 0 <= found < 2**64:
-        raise WrongValue(Code.SHAPE, f"{name} is {found}, expected a whole number from 0 to 2**64 - 1", field=name)
+    if not 0 <= found < 2**bits:
+        raise WrongValue(Code.SHAPE, f"{name} is {found}, expected a whole number from 0 to 2**{bits} - 1", field=name)
     return found
 
 

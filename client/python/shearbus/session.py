@@ -146,7 +146,7 @@ def _options(endpoint, check_closure, name, server_key_file, secret_key_file, co
     times = {"connect_deadline": connect_deadline, "reply_deadline": reply_deadline, "retry_after": retry_after}
     return _library.Options(
         endpoint=_values.text("endpoint", endpoint), name=_values.text("name", name),
-        check_closure=_values.word("check_closure", check_closure, CHECKS), threads=0 if threads is None else min(count("threads", threads), 2**32 - 1),
+        check_closure=_values.word("check_closure", check_closure, CHECKS), threads=0 if threads is None else count("threads", threads, 32),
         **{key: _values.text(key, value, path=True) for key, value in files.items()},
         **{f"{key}_s": _values.deadline(key, value) for key, value in times.items() if value is not None}, **more)
 
@@ -415,7 +415,7 @@ class Session:
     def _say(self, request, mode, rows, nodes, _, absent_nodes, time, step, attempt, commit_previous, all_or_nothing):
         """Tells the library the options of a step."""
         request.mode, request.commit_previous, request.all_or_nothing = mode, bool(commit_previous), bool(all_or_nothing)
-        request.time_s, request.step, request.attempt = number("time", time), count("step", step), count("attempt", attempt)
+        request.time_s, request.step, request.attempt = number("time", time), count("step", step), count("attempt", attempt, 32)
         request.open_absent = _values.word("absent_nodes", absent_nodes, ABSENT_NODES)
         if request.open_absent:
             self._require("absent_nodes", "absent_nodes")
