@@ -127,8 +127,8 @@ class Rehearsal(served.Served):
         served.until(self, lambda: until in process.stdout.readline(), process)
         return process
 
-    def rehearse(self, endpoint, code, said):
-        done = run(self.program["shearbus-ctl"], "rehearse", endpoint)
+    def rehearse(self, endpoint, code, said, *options):
+        done = run(self.program["shearbus-ctl"], "rehearse", *options, endpoint)
         self.assertEqual((done.returncode, done.stdout), (code, ""), done.stderr)
         self.assertIn(said, done.stderr)
         self.assertNotIn("Traceback", done.stderr)
@@ -137,6 +137,7 @@ class Rehearsal(served.Served):
         for endpoint in ("bogus", "file:///x", "tcp://127.0.0.1:99999", "tcp://127.0.0.1", "ipc://"):
             self.rehearse(endpoint, 2, f'expected ipc://PATH, or tcp://ADDRESS:PORT with a port up to 65535 (*: any that is free); found "{endpoint}"')
         self.rehearse(f"ipc://{self.path}/{'x' * 120}", 2, "at most 107 bytes")
+        self.rehearse(f"ipc://{self.path}/s", 2, "--scenario is without effect with an ENDPOINT", "--scenario", "all")
         self.rehearse(f"ipc://{self.path}/absent/x", 1, f"there is no directory {self.path}/absent; create it")
         (self.path / "file").write_text("precious")
         self.rehearse(f"ipc://{self.path}/file", 1, "not a socket")

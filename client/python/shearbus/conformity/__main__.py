@@ -57,6 +57,9 @@ def main(words):
     options, command = parser.parse_args(words[:at]), words[at + 1:]
     if bool(options.endpoint) == bool(command):
         parser.error("expected either an ENDPOINT or -- and the command of a host")
+    for name in ("server", "scenario", "delay") if options.endpoint else ("problem",):
+        if getattr(options, name) != parser.get_default(name):
+            parser.error(f"--{name} is without effect with {'an ENDPOINT' if options.endpoint else 'a COMMAND'}; leave it out")
     end_as_by_interrupt()
     try:
         if options.endpoint:
