@@ -82,7 +82,8 @@ void check_endpoint(const ClientOptions& options) {
   const std::string_view endpoint = options.endpoint;
   const bool file = endpoint.starts_with(files::kFileScheme);  // the server's key is in the file
   const auto known = {std::string_view("tcp://"), std::string_view("ipc://"), kOwnProcess, files::kFileScheme};
-  if (std::none_of(known.begin(), known.end(), [&](std::string_view scheme) { return endpoint.starts_with(scheme); }))
+  const auto has = [&](std::string_view scheme) { return endpoint.starts_with(scheme) && endpoint != scheme; };
+  if (std::none_of(known.begin(), known.end(), has))
     throw Error(
         {.code = Code::kUnreachable,
          .text = fmt::format("\"{}\" is not an endpoint", wire::printable(endpoint, kLongestShown)),
