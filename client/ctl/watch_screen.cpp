@@ -83,7 +83,7 @@ void Screen::draw(const WatchOptions& options, const Report& report) {
     size = {.ws_row = 24, .ws_col = 80, .ws_xpixel = 0, .ws_ypixel = 0};
   columns_ = size.ws_col;
   lines_.clear();
-  add(fmt::format("shearbus-ctl watch, q ends  every {:g} s  {}  {}", options.interval_s, wire::utc_now(),
+  add(fmt::format("shearbus-ctl watch (q ends)  every {:g} s  {}  {}", options.interval_s, wire::utc_now(),
                   options.server));
   add("");
   if (report.sample == nullptr) {
