@@ -36,10 +36,9 @@ Client::Client(std::shared_ptr<Connection> connection) : connection_(std::move(c
     connection_->set_parts_ahead(std::ranges::find(welcome_.capabilities, "parts_ahead") !=
                                  welcome_.capabilities.end());
   } catch (const Error& fault) {
-    wire::Status status = fault.status();
-    if (status.code == Code::kUnreachable && status.field.empty()) status.field = "endpoint";
-    if (status.code != Code::kUnknownOutcome) throw Error(std::move(status));
+    if (fault.status().code != Code::kUnknownOutcome) throw;
     // `hello` changes nothing on the server, so its unknown outcome means that no server answered.
+    wire::Status status = fault.status();
     status.field = "endpoint";
     status.code = Code::kUnreachable;
     status.text = fmt::format("{} accepts connections but did not answer the greeting within {} ms",

@@ -34,6 +34,9 @@ namespace {
 constexpr std::string_view kOwnProcess = "inproc://";
 constexpr std::size_t kCopiedUpTo =
     std::size_t{16} * 1024;  // largest payload that is copied within the process  [bytes]
+constexpr const char* kAddresses =
+    "Give what the log of the server names: tcp://HOST:PORT with the name of its machine, ipc://PATH of its socket, or "
+    "file://PATH of its endpoint file.";
 constexpr int kReconnectMs = 100;
 constexpr int kReconnectMaxMs = 5'000;
 constexpr int kHeartbeatMs = 2'000;
@@ -63,6 +66,11 @@ std::span<const std::byte> view_of(const std::shared_ptr<void>& frame) {
   throw Error({.code = Code::kUnreachable, .text = fmt::format("{}: {}", where, why)});
 }
 
+// Refuses an endpoint at which no server can be, or none is.
+[[noreturn]] void refuse_endpoint(std::string text, std::string remedy) {
+  throw Error({.code = Code::kUnreachable, .text = std::move(text), .remedy = std::move(remedy), .field = "endpoint"});
+}
+
 // Throws Error for a tcp endpoint without a port that one can connect to.
 void check_port(std::string_view endpoint) {
   constexpr std::string_view kTcp = "tcp://";
@@ -71,11 +79,9 @@ void check_port(std::string_view endpoint) {
   const std::size_t colon = endpoint.rfind(':');  // where there is no port, that of the scheme
   const std::string_view port = colon < kTcp.size() ? std::string_view() : endpoint.substr(colon + 1);
   if (const auto number = wire::count_of(port, kLastPort); number && *number > 0) return;
-  throw Error({.code = Code::kUnreachable,
-               .text = fmt::format("{}: expected a port from 1 to {} at the end, found {}",
-                                   wire::printable(endpoint, kLongestShown), kLastPort, wire::in_quotes(port)),
-               .remedy = "Write tcp://HOST:PORT, with the port that the log of the server names.",
-               .field = "endpoint"});
+  refuse_endpoint(fmt::format("{}: expected a port from 1 to {} at the end, found {}",
+                              wire::printable(endpoint, kLongestShown), kLastPort, wire::in_quotes(port)),
+                  "Write tcp://HOST:PORT, with the port that the log of the server names.");
 }
 
 void check_endpoint(const ClientOptions& options) {
@@ -84,18 +90,13 @@ void check_endpoint(const ClientOptions& options) {
   const auto known = {std::string_view("tcp://"), std::string_view("ipc://"), kOwnProcess, files::kFileScheme};
   const auto has = [&](std::string_view scheme) { return endpoint.starts_with(scheme) && endpoint != scheme; };
   if (std::none_of(known.begin(), known.end(), has))
-    throw Error(
-        {.code = Code::kUnreachable,
-         .text = fmt::format("\"{}\" is not an endpoint", wire::printable(endpoint, kLongestShown)),
-         .remedy = "Use tcp://host:port, ipc://path, file://path of an endpoint file, or \"embedded\" for a server in "
-                   "this process.",
-         .field = "endpoint"});
+    refuse_endpoint(fmt::format("\"{}\" is not an endpoint", wire::printable(endpoint, kLongestShown)),
+                    "Use tcp://host:port, ipc://path, file://path of an endpoint file, or \"embedded\" for a server in "
+                    "this process.");
   check_port(endpoint);
   if (endpoint.starts_with(kOwnProcess) && options.context == nullptr)
-    throw Error({.code = Code::kUnreachable,
-                 .text = fmt::format("{} can be reached only by the program that started the server", endpoint),
-                 .remedy = "Leave the endpoint out for a server in this process, or give that of another server.",
-                 .field = "endpoint"});
+    refuse_endpoint(fmt::format("{} can be reached only by the program that started the server", endpoint),
+                    "Leave the endpoint out for a server in this process, or give that of another server.");
   if (options.server_key.empty() && options.secret_key.empty()) return;
   if (!file && !endpoint.starts_with("tcp://"))
     throw Error({.code = Code::kAuth,
@@ -248,7 +249,8 @@ bool SocketConnection::find_server() {
     else
       refusal_ = {.code = Code::kUnreachable,
                   .text = fmt::format("expected an endpoint file of a server, found another file: {}", fault.what()),
-                  .remedy = "Name the file that the server got as --endpoint-file."};
+                  .remedy = "Name the file that the server got as --endpoint-file.",
+                  .field = "endpoint"};
     return false;
   }
   file_fault_.clear();
@@ -318,7 +320,7 @@ bool SocketConnection::connect() {
   struct stat found {};
   if (ipc && ::stat(path.c_str(), &found) == 0 && !S_ISSOCK(found.st_mode)) {
     socket_.reset();
-    no_address("expected the socket of a server, found another file or a directory");
+    refuse_endpoint(where_ + ": expected the socket of a server, found another file or a directory", kAddresses);
   }
   if (ipc && ::faccessat(AT_FDCWD, path.c_str(), W_OK, AT_EACCESS) != 0 && errno == EACCES) {
     socket_.reset();
@@ -329,24 +331,16 @@ bool SocketConnection::connect() {
                                        ::geteuid())});
   }
   if (wire::uninterrupted([&] { return zmq_connect(socket_.get(), server_.endpoint.c_str()); }) != 0) {
-    const int fault = zmq_errno();
+    const std::string why =
+        zmq_errno() == ENAMETOOLONG
+            ? fmt::format("the path has {} bytes, and the path of a socket has at most {}; choose a shorter one",
+                          path.size(), wire::kLongestSocketPath)
+        : zmq_errno() == EINVAL ? "a client cannot connect to this"
+                                : zmq_strerror(zmq_errno());
     socket_.reset();
-    no_address(fault == ENAMETOOLONG
-                   ? fmt::format("the path has {} bytes, and the path of a socket has at most {}; choose a shorter one",
-                                 path.size(), wire::kLongestSocketPath)
-               : fault == EINVAL ? "a client cannot connect to this"
-                                 : zmq_strerror(fault));
+    refuse_endpoint(where_ + ": " + why, kAddresses);
   }
   return true;
-}
-
-void SocketConnection::no_address(const std::string& why) const {
-  throw Error({.code = Code::kUnreachable,
-               .text = fmt::format("{}: {}", where_, why),
-               .remedy =
-                   "Give what the log of the server names: tcp://HOST:PORT with the name of its machine, ipc://PATH "
-                   "of its socket, or file://PATH of its endpoint file.",
-               .field = "endpoint"});
 }
 
 std::string SocketConnection::own_public_key() const {
@@ -707,37 +701,31 @@ void SocketConnection::recovering(const wire::Status& status) {
 void SocketConnection::give_up(bool sent, Clock::duration waited) const {
   const double seconds = std::chrono::duration<double>(waited).count();
   if (!sent && !file_fault_.empty())
-    throw Error({.code = Code::kUnreachable,
-                 .text = fmt::format("no endpoint file of a server within {:.1f} s: {}", seconds, file_fault_),
-                 .remedy = "Is a server running? It writes the file when it listens: shearbus-server --endpoint-file "
-                           "FILE, for clients with file://FILE."});
+    refuse_endpoint(
+        fmt::format("no endpoint file of a server within {:.1f} s: {}", seconds, file_fault_),
+        "Is a server running? It writes the file when it listens: shearbus-server --endpoint-file FILE, for "
+        "clients with file://FILE.");
   if (!sent && answered_)
-    throw Error(
-        {.code = Code::kUnreachable,
-         .text = fmt::format("the server at {} has stopped answering; it was waited for {:.1f} s", where_, seconds),
-         .remedy = "Has it been stopped, or its machine? Sessions of a server with --state-dir continue when "
-                   "it is started again."});
+    refuse_endpoint(fmt::format("the server at {} has stopped answering; it was waited for {:.1f} s", where_, seconds),
+                    "Has it been stopped, or its machine? Sessions of a server with --state-dir continue when it is "
+                    "started again.");
   if (!sent) {
     if (const std::string fault = fault_of_host_name(server_.endpoint); !fault.empty())
-      throw Error({.code = Code::kUnreachable,
-                   .text = fmt::format("no server was found at {} within {:.1f} s: {}", where_, seconds, fault),
-                   .remedy = "Write the address of the server's machine, or a name that \"getent ahostsv4 NAME\" knows "
-                             "here."});
+      refuse_endpoint(fmt::format("no server was found at {} within {:.1f} s: {}", where_, seconds, fault),
+                      "Write the address of the server's machine, or a name that \"getent ahostsv4 NAME\" knows here.");
     constexpr std::string_view kIpc = "ipc://";
     if (server_.endpoint.starts_with(kIpc) && wire::is_served(std::string_view(server_.endpoint).substr(kIpc.size())))
-      throw Error({.code = Code::kUnreachable,
-                   .text = fmt::format("the server at {} lives, and did not answer within {:.1f} s", where_, seconds),
-                   .remedy = "Is its process stopped (SIGSTOP, a debugger) or its machine overloaded? Let it go on, or "
-                             "end it and start it again: with --state-dir its sessions continue."});
-    throw Error(
-        {.code = Code::kUnreachable,
-         .text = fmt::format("no server answered at {} within {:.1f} s", where_, seconds),
-         .remedy = by_file() ? "A server that is killed leaves its file behind: start it again, or remove the file."
-                             : fmt::format("Is one running? Start it with: shearbus-server --bind {}{}", where_,
-                                           !where_.starts_with("tcp://") ? ""
-                                           : server_.secret_key.empty()
-                                               ? " --insecure-plaintext, or give both sides keys (shearbus-ctl keygen)"
-                                               : " --curve-secret FILE --authorized-keys FILE")});
+      refuse_endpoint(fmt::format("the server at {} lives, and did not answer within {:.1f} s", where_, seconds),
+                      "Is its process stopped (SIGSTOP, a debugger) or its machine overloaded? Let it go on, or end it "
+                      "and start it "
+                      "again: with --state-dir its sessions continue.");
+    refuse_endpoint(fmt::format("no server answered at {} within {:.1f} s", where_, seconds),
+                    by_file() ? "A server that is killed leaves its file behind: start it again, or remove the file."
+                              : fmt::format("Is one running? Start it with: shearbus-server --bind {}{}", where_,
+                                            !where_.starts_with("tcp://") ? ""
+                                            : server_.secret_key.empty()
+                                                ? " --insecure-plaintext, or give both sides keys (shearbus-ctl keygen)"
+                                                : " --curve-secret FILE --authorized-keys FILE"));
   }
   throw Error({.code = Code::kUnknownOutcome,
                .text = fmt::format("{} did not answer within {:.1f} s; the request may or may not have run{}{}", where_,

@@ -141,7 +141,6 @@ class SocketConnection final : public Connection {
   void* context();
   void* new_socket(int type, const char* kind);
   [[noreturn]] void no_socket(const char* kind) const;
-  [[noreturn]] void no_address(const std::string& why) const;  // for a client
   bool connect();
   void watch_handshakes();
   std::string own_public_key() const;
