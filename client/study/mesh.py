@@ -87,7 +87,7 @@ def study(options):
         print(f"  zones of {zone * 1e3:g} mm: {runs[-1]['zones']} zones, {runs[-1]['steps']} steps, {runs[-1]['cpu_s']:.1f} s", flush=True)
     middle = len(zones) // 2 if len(zones) > 2 else 0
     at_middle = on_mesh(text, zones[middle])
-    half_dt = run(options.hydro, with_value(at_middle, CONE + "courant", 0.5 * (value_of(text, CONE + "courant") or 0.5)), options.law, options.out / "half_dt")
+    half_dt = run(options.hydro, with_value(at_middle, CONE + "courant", 0.5 * (value_of(text, CONE + "courant") or 0.7)), options.law, options.out / "half_dt")
     layer = run(options.hydro, finer_layer(at_middle), options.law, options.out / "layer") if options.law == "subgrid" else None
     rows = []
     for key, label, unit, scale in ANSWERS:

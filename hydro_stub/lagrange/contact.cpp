@@ -50,6 +50,7 @@ Contact::Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactO
       compliance_(weights_.size()),
       pushed_(num_nodes),
       hard_area_(num_nodes),
+      mean_pressure_(weights_.rubbing()),
       friction_time_(weights_.rubbing(), 0.0) {
   inputs_.zone_plastic_strain.assign(weights_.rubbing(), 0.0);
   inputs_.soft_plastic_strain_rate.assign(weights_.rubbing(), 0.0);
@@ -150,6 +151,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   inputs_.dt = dt;
   inputs_.zone_temperature.assign(size, 0.0);
   find_plastic_rates(state);
+  find_mean_pressures(dt);
   for (int i = 0; i < size; ++i) {
     inputs_.velocity_jump[i] = inputs_.pressure[i] = inputs_.stress_soft[i] = inputs_.stress_hard[i] = 0.0;
     // Nodes that the hard surface hardly covers keep unit masses. Such nodes have pressure 0, where nothing depends on
@@ -170,10 +172,7 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
       hard_change += w.weight * dot(velocity[w.node] - state.velocity[w.node], t) / area;
     }
     inputs_.velocity_jump[i] = old_jump;
-    // The mean pressure over the node's area smooths the scatter that the nodal pressures p_i have where the zones of
-    // the two bodies differ in width.
-    for (const RowWeight& w : weights_.overlap(i)) inputs_.pressure[i] += w.weight * pressing_[w.row] / (area * dt);
-    if (inputs_.pressure[i] < kLeastPressure) inputs_.pressure[i] = 0.0;
+    if (mean_pressure_[i] >= kLeastPressure) inputs_.pressure[i] = pressure_at(i);
     inputs_.mass_soft[i] = state.node_mass[node] / area;
     inputs_.mass_hard[i] = 1.0 / hard_compliance;
     inputs_.stress_soft[i] = dot(velocity[node] - state.velocity[node], t) * inputs_.mass_soft[i] / dt;
@@ -186,6 +185,32 @@ void Contact::ask_law(const State& state, double dt, std::uint64_t step, hydro::
   } else {
     law->advance(inputs_, answer_);
   }
+}
+
+// The means over the nodes' areas smooth the scatter that the nodal pressures p_i have where the zones of the two bodies
+// differ in width.
+void Contact::find_mean_pressures(double dt) {
+  for (int i = 0; i < weights_.rubbing(); ++i) {
+    mean_pressure_[i] = 0.0;
+    if (!weights_.faces(i)) continue;
+    for (const RowWeight& w : weights_.overlap(i)) mean_pressure_[i] += w.weight * pressing_[w.row];
+    mean_pressure_[i] /= weights_.area(i) * dt;
+  }
+}
+
+// Returns the pressure of friction at an interface node: the value at the node that belongs to the means, to second order
+// in the width of the zones, without new extremes. The means themselves widen the front of a shock that runs along the
+// interface, and friction, which is concave in the pressure, is too strong in a wide front.
+double Contact::pressure_at(int i) const {
+  const double own = mean_pressure_[i];
+  double mean_of_means = 0.0, lowest = own, highest = own;
+  for (const RowWeight& w : weights_.overlap(i)) {
+    mean_of_means += w.weight * mean_pressure_[w.row];
+    lowest = std::min(lowest, mean_pressure_[w.row]);
+    highest = std::max(highest, mean_pressure_[w.row]);
+  }
+  mean_of_means /= weights_.area(i);
+  return std::clamp(2.0 * own - mean_of_means, lowest, highest);
 }
 
 double Contact::wall_temperature(const State& state, int zone, int i) const {

@@ -80,6 +80,8 @@ class Contact {
   void find_plastic_rates(const State& state);
   void rub(const Guides& guides, const State& state, double dt, std::vector<Vec2>& velocity);
   double wall_temperature(const State& state, int zone, int i) const;
+  void find_mean_pressures(double dt);
+  double pressure_at(int i) const;
   double opening_rate(int i, const std::vector<Vec2>& velocity) const;
   double jump(int i, const std::vector<Vec2>& velocity) const;
   void give(int node, Vec2 impulse, const Guides& guides, const State& state, std::vector<Vec2>& velocity);
@@ -101,6 +103,7 @@ class Contact {
   };
   std::vector<std::vector<Response>> pushed_;  // of each mesh node
   std::vector<double> hard_area_;
+  std::vector<double> mean_pressure_;  // mean of the pressure over the area A_i of each node with friction  [Pa]
   std::vector<double> friction_time_;  // time since friction began at each interface node with friction  [s]
   double plastic_time_ = 0.0;          // time to which zone_plastic_strain in inputs_ belongs  [s]
   enum Cause : std::size_t { kFriction, kClosing };

@@ -17,7 +17,7 @@ struct TimeStep {
 };
 
 struct TimeStepOptions {
-  double cfl = 0.5;
+  double cfl = 0.7;
   double volume_change = 0.1;  // largest relative change of a zone's volume in a step, predicted from the step before
   double growth = 1.2;         // largest ratio of a step to the step before
   double first = 0.0;          // first step  [s]; 0: half of the Courant limit

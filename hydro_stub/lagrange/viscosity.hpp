@@ -6,11 +6,12 @@
 // Here mu is the viscosity and rho the density. lambda is the most negative eigenvalue of the strain rate in the plane
 // (without a negative eigenvalue there is no viscosity), s the unit eigenvector of lambda, l the zone's length along s,
 // du the velocity jump across the zone, c the sound speed, c1 and c2 the coefficients of ViscosityOptions, and w half
-// the slope of the material's shock velocity over the velocity jump: a jump du then gets the shock pressure of the
-// material's own Hugoniot. The limiter psi compares lambda with the rates in the zones on both sides, as is usual for
-// second-order schemes (D. J. Benson, Comput. Methods Appl. Mech. Eng. 99 (1992) 235); psi is 1 where the rate varies
-// linearly through the neighbours. Rigid rotation has no negative eigenvalue, and uniform compression has psi = 1, so
-// neither has viscosity.
+// the slope of the material's shock velocity over the velocity jump: with c1 = c2 = 1 and psi = 0 a jump du would get the
+// shock pressure of the material's own Hugoniot. The limiter psi compares lambda with the rates in the zones on both
+// sides, as is usual for second-order schemes (D. J. Benson, Comput. Methods Appl. Mech. Eng. 99 (1992) 235); psi is 1
+// where the rate varies linearly through the neighbours. c1 sets the width of weak shocks, and c2 keeps strong ones from
+// ringing: the smaller c1, the larger c2 has to be. Rigid rotation has no negative eigenvalue, and uniform compression
+// has psi = 1, so neither has viscosity.
 //
 // The share phi keeps viscosity out of shear flow. lambda of a pure shear is negative, too, so that without phi viscosity
 // would resist the flow of metal wherever its rate varies from zone to zone, as if the metal were stronger. With the
@@ -34,8 +35,8 @@
 namespace shearbus::lagrange {
 
 struct ViscosityOptions {
-  double linear = 1.0;     // coefficient c1 of the linear viscosity
-  double quadratic = 1.0;  // coefficient c2 of the quadratic viscosity
+  double linear = 0.2;     // coefficient c1 of the linear viscosity
+  double quadratic = 2.0;  // coefficient c2 of the quadratic viscosity
 };
 
 // What viscosity depends on, of all zones.

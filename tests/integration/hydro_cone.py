@@ -46,7 +46,7 @@ class Cone(served.Served):
         with h5py.File(out / "interface.h5") as f:
             self.assertEqual(f["meta"].attrs["commit"], origin["commit"])
             self.assertEqual(f["shear_stress"].shape, f["pressure"].shape)
-            self.assertGreater(f["time"].shape[0], 100)
+            self.assertGreater(f["time"].shape[0], 50)
             self.assertTrue(numpy.isfinite(f["interface_temperature"][:]).all())
             stress, pressure = f["shear_stress"][:], f["pressure"][:]
             self.assertTrue((stress[pressure == 0.0] == 0.0).all())
@@ -123,9 +123,8 @@ class Cone(served.Served):
                 alone = (stress[1:-1] * stress[:-2] < 0) & (stress[1:-1] * stress[2:] < 0) & (numpy.abs(stress[1:-1]) > 50e6)
                 self.assertEqual(alone.sum(), 0, "the stress of a node turns for one row")
 
-    def test_halved_zones_change_displacement_by_two_percent_and_impulse_by_two_to_six(self):
-        # The impulse of the hot scene has more from the front of the shock, which is as wide as five zones (VERIFICATION.md).
-        for name, impulse_bound in (("cone_al_steel", 0.02), ("cone_al_steel_slow", 0.02), ("cone_al_steel_hot", 0.06)):
+    def test_halved_zones_change_displacement_and_impulse_by_two_percent_at_most(self):
+        for name in ("cone_al_steel", "cone_al_steel_slow", "cone_al_steel_hot"):
             displacement, impulse = [], []
             for width in ("0.5e-3", "0.25e-3"):
                 with self.subTest(name, width=width):
@@ -133,7 +132,7 @@ class Cone(served.Served):
                     displacement.append(summary["displacement"][1]["mean_m"])
                     impulse.append(summary["mean_friction_impulse_pa_s"])
             self.assertAlmostEqual(displacement[0] / displacement[1], 1.0, delta=0.02, msg=name)
-            self.assertAlmostEqual(impulse[0] / impulse[1], 1.0, delta=impulse_bound, msg=name)
+            self.assertAlmostEqual(impulse[0] / impulse[1], 1.0, delta=0.02, msg=name)
 
     def test_an_interface_stronger_than_its_metal_warns_and_a_layer_of_another_thickness_is_refused(self):
         done = self.hydro(self.scene(), "--check")
@@ -148,7 +147,7 @@ class Cone(served.Served):
     def test_friction_heat_of_law_5_goes_as_deep_as_it_conducts(self):
         hottest = {}
         for depth in ("zone", "diffusion"):
-            path = self.scene("cone_al_steel", first_zone_m="5e-6", zone_width_m="2e-3", end_time_s="2.5e-6")
+            path = self.scene("cone_al_steel", first_zone_m="5e-6", end_time_s="1.5e-6")
             path.write_text(path.read_text() + f'\n[hydro.coulomb_tresca]\nheat_depth = "{depth}"\n')
             _, summary, done = self.ran(path, "--interface-law", "coulomb_tresca", out=depth)
             self.assertLess(abs(summary["energy_residual"]), 1e-12)
@@ -157,7 +156,7 @@ class Cone(served.Served):
         self.assertGreater(hottest["zone"] - 300, 1.2 * (hottest["diffusion"] - 300))
 
     def test_a_run_whose_law_5_brings_a_thin_zone_to_melting_says_so_once(self):
-        path = self.scene("cone_al_steel", first_zone_m="5e-6", zone_width_m="2e-3", end_time_s="2e-6", flyer_speed_m_per_s="568.0")
+        path = self.scene("cone_al_steel", first_zone_m="5e-6", end_time_s="2e-6", flyer_speed_m_per_s="568.0")
         out = self.path / "out"
         first = served.program(self, OPTIONS.hydro, path, "--interface-law", "coulomb_tresca", "--out", out, "--no-plot", stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
         said = first.stderr.readline()

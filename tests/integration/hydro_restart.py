@@ -122,7 +122,7 @@ class Restart(served.Served):
         self.killed_again_and_again()
         with h5py.File(self.path / "run/interface.h5") as file:
             profiles = file["profiles"]
-            numpy.testing.assert_allclose(profiles["time"], [0.5e-6, 1e-6, 1.5e-6, 2e-6, 4e-6], atol=2e-8)
+            numpy.testing.assert_allclose(profiles["time"], [0.5e-6, 1e-6, 1.5e-6, 2e-6, 4e-6], atol=8e-8)
             self.assertEqual(profiles["layer_temperature"].shape, (5, 2, profiles["position"].shape[0]))
             self.assertGreater(profiles["layer_temperature"][-1, 1, 0], 320.0)
 
@@ -196,17 +196,17 @@ class Restart(served.Served):
             self.skipTest("strace is not installed or may not trace")
         reference = self.undisturbed()
         self.serve()
-        for place, file, call in (("before", "ended", "close"), ("after", "dump-000000000100.h5", "unlink")):
+        for place, file, call in (("before", "ended", "close"), ("after", "dump-000000000050.h5", "unlink")):
             for server in ((), ("--server", self.bus)):
                 with self.subTest(place=place, server=server):
                     out = self.path / f"{place}-{len(server)}"
                     killed = self.start("strace", "-f", "-o", "/dev/null", "-P", out / "restart" / file, "-e", f"inject={call}:signal=KILL",
-                                        OPTIONS.hydro, self.scene, "--out", out, *server, "--no-plot", "--dump-every", 100)
+                                        OPTIONS.hydro, self.scene, "--out", out, *server, "--no-plot", "--dump-every", 50)
                     printed, _ = killed.communicate(timeout=300)
                     self.assertEqual(killed.returncode, -signal.SIGKILL, printed)
                     said = "the run had ended, and its results are whole"
                     self.assertIn(said, self.run_program(OPTIONS.hydro, "--restart", out, "--check").stdout)
-                    self.assertTrue((out / "restart/dump-000000000100.h5").exists())
+                    self.assertTrue((out / "restart/dump-000000000050.h5").exists())
                     self.assertIn(said, self.finished(out, self.start(OPTIONS.hydro, "--restart", out, "--no-plot"), reference))
         sessions = self.run_program(OPTIONS.ctl, "sessions", "--server", self.bus).stdout
         self.assertEqual(len(sessions.splitlines()), 1, sessions)  # the heading
