@@ -7,7 +7,9 @@
 #include <cstdio>
 #include <limits>
 #include <optional>
+#include <utility>
 
+#include "server/physics/material/strength.hpp"
 #include "server/physics/solver/parts.hpp"
 #include "tests/support/waves.hpp"
 
@@ -160,6 +162,50 @@ TEST(PhysicsWavesForced, ALayerThatFliesMeetsTheHardBodyAtTheSpeedOfItsHost) {
   EXPECT_LT(worst, 3e-3);
 }
 
+// A layer with waves that weighs and stores next to nothing, and the one without inertia: both slow down from 100 m/s
+// under a far stress, each with the jumps of its own answers.
+struct MasslessPair {
+  MasslessPair(double interface_strength, std::optional<double> taylor_quinney_factor)
+      : options(options_of(interface_strength, taylor_quinney_factor)),
+        rigid(options, 1),
+        waves(with_inertia(options), 1) {
+    for (Rig* rig : {&rigid, &waves}) {
+      rig->set_all(100.0, kCompression);
+      rig->inputs.stress_soft[0] = 1e8;
+      rig->inputs.mass_soft[0] = 0.5;
+      rig->inputs.mass_hard[0] = 2.0;
+    }
+  }
+  void step(double dt) {
+    for (Rig* rig : {&rigid, &waves}) {
+      rig->step(dt);
+      rig->inputs.velocity_jump[0] = rig->outputs.velocity_jump_new[0];
+    }
+  }
+  double jumps_apart() const {
+    return std::abs(rigid.outputs.velocity_jump_new[0] - waves.outputs.velocity_jump_new[0]) / 100.0;
+  }
+  double temperatures_apart() const { return std::abs(rigid.T(0) - waves.T(0)) / 900.0; }
+  bool slips() const { return waves.outputs.sliding_velocity[0] > 1.0; }
+
+  static constexpr double kCompression = 11.2e9;  // [Pa]
+  static constexpr double kTime = 100e-9;
+  ModelOptions options;
+  Rig rigid, waves;
+
+ private:
+  static ModelOptions options_of(double interface_strength, std::optional<double> taylor_quinney_factor) {
+    ModelOptions options = two_sided(graded(paper_options(Strategy::kForceDriven)));
+    options.plastic_layer = true;
+    options.soft.hardening_coefficient = 125.0;
+    options.soft.shear_modulus *= 1e5;
+    options.soft.density *= 1e-7;
+    options.interface = {.friction_coefficient = 1.0, .yield_strength = interface_strength};
+    options.taylor_quinney_factor = taylor_quinney_factor;
+    return options;
+  }
+};
+
 // Without mass and elasticity the layer is that of the force-driven step without inertia, which takes the mean slip of a
 // step where the waves take that of its end: the difference falls with dt. So does that of work that heats in place.
 TEST(PhysicsWavesForced, ALayerWithoutMassIsTheOneWithoutInertia) {
@@ -169,42 +215,21 @@ TEST(PhysicsWavesForced, ALayerWithoutMassIsTheOneWithoutInertia) {
     std::optional<double> taylor_quinney_factor;
   };
   for (const Case& of : {Case{"slips", 150e6, {}}, Case{"flows and slips", 260e6, {}}, Case{"flows", 2e9, {}},
-                         Case{"flows, all heats", 2e9, 0.9}}) {
+                         Case{"slips, all heats", 150e6, 0.9}, Case{"flows, all heats", 2e9, 0.9}}) {
     double before = 0.0;
     for (const int refined : {1, 2, 4}) {
-      ModelOptions options = two_sided(graded(paper_options(Strategy::kForceDriven)));
-      options.plastic_layer = true;
-      options.soft.hardening_coefficient = 125.0;
-      options.soft.shear_modulus *= 1e5;
-      options.soft.density *= 1e-7;
-      options.interface = {.friction_coefficient = 1.0, .yield_strength = of.interface_strength};
-      options.taylor_quinney_factor = of.taylor_quinney_factor;
-      Rig rigid(options, 1), waves(with_inertia(options), 1);
-      rigid.set_all(100.0, 11.2e9);
-      waves.set_all(100.0, 11.2e9);
+      MasslessPair pair(of.interface_strength, of.taylor_quinney_factor);
       const int steps = 100 * refined;
-      const double dt = 100e-9 / steps;
       double worst_jump = 0.0, worst_T0 = 0.0;
-      bool slipped = false, flowed = false;
+      bool slipped = false;
       for (int n = 0; n < steps; ++n) {
-        for (Rig* rig : {&rigid, &waves}) {
-          for (int l = 0; l < kLanes; ++l) {
-            rig->inputs.stress_soft[l] = 1e8;
-            rig->inputs.mass_soft[l] = 0.5;
-            rig->inputs.mass_hard[l] = 2.0;
-            if (n > 0) rig->inputs.velocity_jump[l] = rig->outputs.velocity_jump_new[l];
-          }
-          rig->step(dt);
-        }
-        worst_jump = std::max(
-            worst_jump, std::abs(rigid.outputs.velocity_jump_new[0] - waves.outputs.velocity_jump_new[0]) / 100.0);
-        worst_T0 =
-            std::max(worst_T0,
-                     std::abs(rigid.outputs.interface_temperature[0] - waves.outputs.interface_temperature[0]) / 900.0);
-        slipped = slipped || waves.outputs.sliding_velocity[0] > 1.0;
-        flowed = flowed || waves.plastic_slip(0) > 1e-9;
+        pair.step(MasslessPair::kTime / steps);
+        worst_jump = std::max(worst_jump, pair.jumps_apart());
+        worst_T0 = std::max(worst_T0, pair.temperatures_apart());
+        slipped = slipped || pair.slips();
       }
       const double worst = std::max(worst_jump, worst_T0);
+      const bool flowed = pair.waves.plastic_slip(0) > 1e-9;
       std::printf("  %-18s %4d steps: [V] %.2e, T0 %.2e apart; slipped %d, flowed %d\n", of.name, steps, worst_jump,
                   worst_T0, slipped, flowed);
       EXPECT_EQ(flowed, of.interface_strength > 200e6);
@@ -214,6 +239,42 @@ TEST(PhysicsWavesForced, ALayerWithoutMassIsTheOneWithoutInertia) {
       before = worst;
     }
     EXPECT_LT(before, 5e-3) << of.name;
+  }
+}
+
+// Where all work heats and a layer hardens until its contact slips, both layers slip from the same step on. Without
+// inertia z = 0 has the heat of that whole step; waves put heat where their work is done before it softens the
+// contact, so that the layer takes the share of the step in which it still flows. T0 of this step differs by the slip
+// of that share, which falls with the root of dt; then it is as if slip had begun later by that share of a step.
+TEST(PhysicsWavesForced, SlipThatBeginsWithinAStepHeatsFromThenOn) {
+  constexpr double kStrength = 260e6;
+  std::printf("flows, then slips, all heats: steps, share that flows, T0 apart in that step, after 50 ns\n");
+  for (const int refined : {1, 4, 16}) {
+    MasslessPair pair(kStrength, 0.9);
+    const int steps = 100 * refined;
+    double stress = 0.0, T0 = 0.0, T0_rigid = 0.0, stress_before = 0.0, T0_before = 0.0;
+    double share = 0.0, apart = 0.0, worst = 0.0;
+    for (int n = 0; n < steps; ++n) {
+      const bool slipped = pair.slips();
+      stress_before = std::exchange(stress, pair.waves.outputs.shear_stress[0]);
+      T0_before = std::exchange(T0, pair.waves.T(0));
+      T0_rigid = pair.rigid.T(0);
+      pair.step(MasslessPair::kTime / steps);
+      if (n >= steps / 2) worst = std::max(worst, pair.temperatures_apart());
+      if (slipped || !pair.slips()) continue;
+      ASSERT_GT(pair.rigid.outputs.sliding_velocity[0], 1.0);
+      // The stress would have gone on to rise, up to what the contact carries.
+      const double most =
+          kStrength / kSqrt3 * softening(pair.options.soft, MasslessPair::kCompression, 2.0 * T0 - T0_before).g;
+      share = (most - stress) / (stress - stress_before);
+      apart = pair.temperatures_apart();
+      EXPECT_GT(share, 0.0);
+      EXPECT_LT(share, 1.0);
+      EXPECT_NEAR((pair.waves.T(0) - T0) / (pair.rigid.T(0) - T0_rigid), 1.0 - share, 0.05);
+    }
+    std::printf("  %5d  %.3f  %.2e  %.2e\n", steps, share, apart, worst);
+    EXPECT_GT(share, 0.0);
+    EXPECT_LT(worst, (0.8e-3 + 5e-3 * share) / refined);
   }
 }
 
