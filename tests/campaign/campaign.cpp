@@ -127,7 +127,7 @@ SearchEffort effort_bound(const ModelOptions& options, bool divided) {
                            : falls               ? 400
                                                  : 60) *
                           kLanes * solves * amounts,
-          .newton_steps = 20000 * (forced_waves ? 5 : 1) * amounts,
+          .newton_steps = 20000 * (forced_waves ? 5 : 1),
           .guarded_steps = kLanes};
 }
 

@@ -41,7 +41,8 @@ std::uint32_t solve_waves(const InertiaStage& stage, const WaveEnds& ends, std::
                 .velocity = trial + layout.layer_velocity,
                 .guess = guess,
                 .tries_limit = guess != nullptr,
-                .forced = is_forced(problem)};
+                .forced = is_forced(problem),
+                .heats_in_place = problem.options.taylor_quinney_factor.has_value()};
   if (guess != nullptr) step.most_steps = kStepsOfSearch;
   std::copy_n(ends.give_near, kLanes, step.give_near);
   std::copy_n(ends.give_far, kLanes, step.give_far);

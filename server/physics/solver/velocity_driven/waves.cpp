@@ -38,8 +38,9 @@ constexpr int kReturnSteps = 60;         // iterations of the return of a vertex
 constexpr double kUnknown = -1.0;        // stands for an x that is not known
 
 // Of the search of one lane.
-constexpr double kConvergedAlone = 1e-11;  // Newton's method ends with a step below this fraction of the scale
-constexpr double kUnfelt = 1e-14;          // temperature rise without effect on the strength, relative to T_melt
+constexpr double kConvergedAlone = 1e-11;        // Newton's method ends with a step below this fraction of the scale
+constexpr double kLastDigits = 4.0 * kRounding;  // the same along secants, whose steps fall short of the minimum
+constexpr double kUnfelt = 1e-14;                // temperature rise without effect on the strength, relative to T_melt
 // Line search. A step of the velocities may end beyond the minimum of the energy if the slope of the energy there is at
 // most this fraction of the slope at the start of the step (without signs; slope: derivative in Newton's direction).
 constexpr double kOvershoot = 0.5;
@@ -52,6 +53,7 @@ constexpr double kLeastDescent = 0.25;
 // after one that was not.
 constexpr double kLeastSecant = 1e-4, kMoreSecant = 10.0, kLessSecant = 0.3;
 constexpr int kBisections = 200;          // largest number of bisections of an interval, enough to reach rounding
+constexpr int kFewBisections = 30;        // the same where secants take the place of a step that needs more
 constexpr int kGuardedSteps = 400;        // largest number of Newton steps of search() at each heat flux that it tries
 constexpr int kMostGuardedSteps = 4000;   // the same if search() is repeated because its first result was not balanced
 constexpr double kSurelyBalanced = 1e-6;  // largest accepted residual of the momentum balance, relative to the stresses
@@ -186,6 +188,7 @@ class WaveSearch : private one::WaveLanes {
   // only if two slopes, at its middle and at its end, prove that the energy falls.
   bool descend(std::optional<double> flux, int max_steps, bool surely) {
     evaluate(flux);
+    const int bisections = step_.heats_in_place ? kFewBisections : kBisections;
     double secant = 0.0;  // share of secants in the slopes of the next step
     for (int iteration = 0; iteration < max_steps && evaluations_left_ > 0; ++iteration) {
       if (secant > 0.0) mix_secants(secant);
@@ -193,7 +196,8 @@ class WaveSearch : private one::WaveLanes {
       iterations_ += 1.0;
       if (!std::isfinite(size.step)) return false;
       const double scale = size.velocity + size.stress * tile_.velocity_per_stress;
-      const bool last = secant == 0.0 && size.step <= kConvergedAlone * scale + kNothing;
+      const bool last = secant == 0.0 ? size.step <= kConvergedAlone * scale + kNothing
+                                      : step_.heats_in_place && size.step <= kLastDigits * scale;
       for (std::ptrdiff_t c = 0; c < tile_.num_cells; ++c) put(at(rows_.velocity, c), rows_.before, c);
       const double slope_0 = slope();
       double slope = slope_after(1.0, flux);
@@ -203,7 +207,8 @@ class WaveSearch : private one::WaveLanes {
       double lo = 0.0;
       double hi = 1.0;
       double part = 1.0;
-      for (int k = 0; k < kBisections && slope_0 < 0.0; ++k) {
+      int k = 0;
+      for (; k < bisections && slope_0 < 0.0; ++k) {
         bool too_far = slope > -kOvershoot * slope_0;
         if (surely && slope > 0.0 && !too_far) {
           too_far = slope_after(0.5 * part, flux) + slope > kLeastDescent * slope_0;
@@ -214,7 +219,11 @@ class WaveSearch : private one::WaveLanes {
         part = 0.5 * (lo + hi);
         slope = slope_after(part, flux);
       }
-      if (!surely || !step_.forced) continue;
+      if (step_.heats_in_place && k == bisections) {  // no shorter step is tried
+        if (!surely) return false;
+        slope_after(lo, flux);  // the energy falls until there
+      }
+      if (!surely || !(step_.forced || step_.heats_in_place)) continue;  // elsewhere the bits stay as they were
       if (part < 1.0)
         secant = std::clamp(kMoreSecant * secant, kLeastSecant, 1.0);
       else

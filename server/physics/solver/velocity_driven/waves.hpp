@@ -55,6 +55,7 @@ struct WaveStep {
   const double* guess = nullptr;  // velocities from which Newton's method starts; null: those before the step
   bool tries_limit = false;       // whether the limit is tried before the stress without it, which may be far above
   bool forced = false;            // what the host changes in a step, a layer of little mass may follow by any amount
+  bool heats_in_place = false;    // one of many steps that are solved for one answer, at given temperatures
   int most_steps = 6;             // Newton steps of the lanes together, after which each is searched alone
   int most_steps_alone = kWaveNewtonSteps;
 };
