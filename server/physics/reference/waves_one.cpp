@@ -22,6 +22,7 @@ struct Layer {
   NodeInputs in;
   std::vector<double> stress_old, strain_old, velocity_old;
   double drive = 0.0;  // force-driven: slip velocity due to the host's plastic shear  [m/s]
+  Material soft = at_pressure(options.soft, in.pressure);
   double limit = std::numeric_limits<double>::infinity();  // the largest stress that the contact carries  [Pa]
 
   int cells() const { return grid.num_cells(); }
@@ -32,29 +33,51 @@ struct Layer {
   double mass(int body) const {
     const int cell = forced() ? body - 1 : body;
     if (cell < 0) return in.mass_hard;
-    return cell == cells() ? in.mass_soft - options.soft.density * grid.vertex.back()
-                           : options.soft.density * grid.width[cell];
+    return cell == cells() ? in.mass_soft - soft.density * grid.vertex.back() : soft.density * grid.width[cell];
   }
   // The bodies before and behind a vertex; -1 or bodies(): imposed.
   int before(int vertex) const { return forced() ? vertex : vertex - 1; }
   int behind(int vertex) const { return before(vertex) + 1; }
-  double per_velocity(int vertex) const { return options.soft.shear_modulus * dt / grid.weight[vertex]; }
+  double per_velocity(int vertex) const { return soft.shear_modulus * dt / grid.weight[vertex]; }
 };
 
+// Finds the zero of f in [lo, hi], where f falls from a value that is not negative, by false position; every third step
+// bisects.
+double zero_of_falling(const std::function<double(double)>& f, double lo, double hi) {
+  double f_lo = f(lo), f_hi = f(hi);
+  if (!(f_lo > 0.0)) return lo;
+  if (f_hi >= 0.0) return hi;
+  double kept = 0.0;
+  for (int k = 1; k < 400 && hi - lo > 1e-15 * hi; ++k) {
+    double at = k % 3 == 0 ? 0.5 * (lo + hi) : lo + (hi - lo) * (f_lo / (f_lo - f_hi));
+    if (!(at > lo && at < hi)) at = 0.5 * (lo + hi);
+    const double value = f(at);
+    if (value == 0.0) return at;
+    if (value > 0.0) {
+      if (kept > 0.0) f_hi *= 0.5;
+      lo = at, f_lo = value, kept = 1.0;
+    } else {
+      if (kept < 0.0) f_lo *= 0.5;
+      hi = at, f_hi = value, kept = -1.0;
+    }
+  }
+  return lo;
+}
+
 // Reduces the trial stress t, which the shear would cause without plastic flow, to the flow stress of a vertex: solves
-// s + sqrt(3) G0 dep = t with s = Y(ep + dep, dep/dt)/sqrt(3) by bisection in dep. The result holds s, dep and ds/dt.
+// s + sqrt(3) G0 dep = t with s = Y(ep + dep, dep/dt)/sqrt(3). The result holds s, dep and ds/dt.
 struct Kept {
   double stress, growth, slope;
 };
 Kept kept(const Layer& layer, int vertex, double t, double T) {
-  const Material& m = layer.options.soft;
+  const Material& m = layer.soft;
   const double ep = layer.strain_old[vertex];
   const double stiffness = kSqrt3 * m.shear_modulus;
   const auto yield = [&](double dep) {
     return flow_stress(m, ep + dep, layer.in.pressure, T, dep / layer.dt) / kSqrt3;
   };
   if (t <= yield(0.0)) return {t, 0.0, 1.0};
-  const double lo = bisect([&](double dep) { return yield(dep) + stiffness * dep - t; }, 0.0, t / stiffness);
+  const double lo = zero_of_falling([&](double dep) { return t - stiffness * dep - yield(dep); }, 0.0, t / stiffness);
   if (!properties_of(m.flow_law).has_wave_return) {
     const double more = 1e-6 * lo + 1e-12;
     const double rate = std::max(0.0, (yield(lo + more) - yield(lo)) / more);
@@ -87,11 +110,12 @@ void look(const Layer& layer, const std::vector<double>& T, Solved& at) {
     if (i == 0) at.interface_slip = 0.0;
     if (i == 0 && keeps.stress > layer.limit) {
       // The vertex flows only until its strength is the limit of the contact; the other shear is slip.
-      const double stiffness = kSqrt3 * layer.options.soft.shear_modulus;
+      const double stiffness = kSqrt3 * layer.soft.shear_modulus;
       const auto carries = [&](double dep) {
-        return flow_stress(layer.options.soft, layer.strain_old[0] + dep, layer.in.pressure, T[0], dep / layer.dt);
+        return flow_stress(layer.soft, layer.strain_old[0] + dep, layer.in.pressure, T[0], dep / layer.dt);
       };
-      const double lo = bisect([&](double dep) { return carries(dep) - kSqrt3 * layer.limit; }, 0.0, keeps.growth);
+      const double lo =
+          zero_of_falling([&](double dep) { return kSqrt3 * layer.limit - carries(dep); }, 0.0, keeps.growth);
       const double slips = (std::abs(t) - layer.limit - stiffness * lo) / layer.per_velocity(0);
       at.interface_slip = std::copysign(slips, t);
       keeps = {layer.limit, lo, 0.0};
@@ -180,29 +204,6 @@ double limit_of_contact(const ModelOptions& options, double dt, const NodeInputs
   return std::min(friction, interface_yield(options, in.pressure, T0, slip, dt, old.junction_strain));
 }
 
-// Finds the zero of f in [0, hi], where f falls from a value that is not negative, by false position; every third step
-// bisects.
-double zero_of_falling(const std::function<double(double)>& f, double hi) {
-  double lo = 0.0, f_lo = f(0.0), f_hi = f(hi);
-  if (!(f_lo > 0.0)) return 0.0;
-  if (f_hi >= 0.0) return hi;
-  double kept = 0.0;
-  for (int k = 1; k < 400 && hi - lo > 1e-15 * hi; ++k) {
-    double at = k % 3 == 0 ? 0.5 * (lo + hi) : lo + (hi - lo) * (f_lo / (f_lo - f_hi));
-    if (!(at > lo && at < hi)) at = 0.5 * (lo + hi);
-    const double value = f(at);
-    if (value == 0.0) return at;
-    if (value > 0.0) {
-      if (kept > 0.0) f_hi *= 0.5;
-      lo = at, f_lo = value, kept = 1.0;
-    } else {
-      if (kept < 0.0) f_lo *= 0.5;
-      hi = at, f_hi = value, kept = -1.0;
-    }
-  }
-  return lo;
-}
-
 // Backward Euler over dt from `state`, whose temperatures without friction would end at heat.T_ad. Work that heats in
 // place is no heat here. `drive`: force-driven, slip velocity due to the host's plastic shear.
 Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in, const Heat& heat, NodeState& state,
@@ -256,14 +257,14 @@ Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in
     const double heats = share * std::max(0.0, direction * in.velocity_jump);
     const auto slip_under = [&](double a) {
       layer.limit = a;
-      if (layer.forced()) {
+      if (layer.forced() && share > 0.0) {
         // The heat is that of the slip, which falls with it.
         const double per_slip = share * a;
         const auto released = [&](double q) {
           solve_at(q);
           return per_slip * std::max(0.0, direction * at.interface_slip);
         };
-        stage.flux = zero_of_falling([&](double q) { return released(q) - q; }, released(0.0));
+        stage.flux = zero_of_falling([&](double q) { return released(q) - q; }, 0.0, released(0.0));
         const double made = released(stage.flux), slip = std::max(0.0, direction * at.interface_slip);
         if (made <= stage.flux * (1.0 + 1e-9)) return slip;
         // At this temperature the ceiling of the vertex at z = 0 is the limit: it takes what heats no more.
@@ -284,13 +285,17 @@ Stage advance_stage(const ModelOptions& options, double dt, const NodeInputs& in
     bool slips = false;
     if (a_stick > 0.0 && !(can_stick && state.sticking)) {
       const double most = slip_under(0.0);
+      // More stress leaves less slip. Where less slip carries no more, and more stress heats no less, only one stress is
+      // what the contact carries.
+      const bool several =
+          (has_law && properties_of(options.interface.friction_law).falls_with_slip) || (layer.forced() && share > 0.0);
       double before = 0.0;
-      constexpr int kPoints = 100;
-      for (int i = 1; i <= kPoints; ++i) {
-        const double now = a_stick * i / kPoints;
+      const int points = several ? 100 : 1;
+      for (int i = 1; i <= points; ++i) {
+        const double now = a_stick * i / points;
         // Where the interface cannot stick it slips, however little.
-        if (i == kPoints ? !can_stick : spare(now) < 0.0) {
-          const double a = bisect([&](double trial) { return -spare(trial); }, before, now);
+        if (i == points ? !can_stick : spare(now) < 0.0) {
+          const double a = zero_of_falling(spare, before, now);
           const double v = slip_under(a);
           slips = layer.forced() || v > 1e-8 * most;
           // Under its ceiling the layer flows by any amount: a contact that slip makes stronger slips until it carries as
@@ -350,7 +355,7 @@ Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInp
     for (int i = 0; i < n; ++i)
       if (!(room[i] > 1e-12 * T_melt)) at_rest[i] = 0.0;
     Eigen::VectorXd per_room, rise, left;  // what each vertex takes per kelvin that is left to melting  [W/(m2 K)]
-    for (bool molten = true; molten;) {  // a vertex that its neighbours melt takes no heat
+    for (bool molten = true; molten;) {    // a vertex that its neighbours melt takes no heat
       per_room = (at_rest.array() > 0.0).select(at_rest.cwiseQuotient(room), 0.0);
       const Eigen::MatrixXd matrix = Eigen::MatrixXd::Identity(n, n) + G * per_room.asDiagonal();
       const Eigen::PartialPivLU<Eigen::MatrixXd> lu(matrix);
@@ -395,10 +400,13 @@ Stage advance_heated_stage(const ModelOptions& options, double dt, const NodeInp
         enough *= 4.0;
       }
     }
-    // The amount lies between none and enough.
-    double little = 0.0;
-    for (double mid = 0.5 * enough; !closed() && mid > little && mid < enough; mid = 0.5 * (little + enough))
-      (surplus(mid) > 0.0 ? little : enough) = mid;
+    // The amount lies between none and enough. Where work leaps over the heat, it is enough.
+    const auto missing = [&](double amount) {
+      const double lacks = surplus(amount);
+      if (lacks <= 0.0) enough = amount;
+      return closed() ? 0.0 : lacks;
+    };
+    if (!closed()) zero_of_falling(missing, 0.0, enough);
     if (!closed()) surplus(enough);
   }
   stage.flux = works.sum();
