@@ -1,10 +1,8 @@
 #include "server/physics/solver/velocity_driven/inertia_stage.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 
-#include "server/physics/material/flow_laws.hpp"
 #include "server/physics/solver/velocity_driven/forced_stage.hpp"
 #include "server/physics/solver/velocity_driven/wave_contacts.hpp"
 #include "server/physics/solver/velocity_driven/waves.hpp"
