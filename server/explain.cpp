@@ -313,8 +313,6 @@ Explanation explain(std::string_view scene, const std::string& file) {
     ScenePart found{.name = unique_key(part), .on = part.is_on(options), .meaning = std::string(part.adds)};
     const physics::ModelOptions other = physics::switched(options, part, !found.on);
     found.excluded = refusal_of(other);
-    if (found.excluded.empty() && part.is_on(other) == found.on)  // a key that the scene's strategy does not read
-      found.excluded = "it belongs to the other strategy";
     if (found.excluded.empty()) {
       const auto here = static_cast<std::int64_t>(explanation.cost.bytes_per_node);
       const auto there = static_cast<std::int64_t>(bytes_per_node(other, here_beside));

@@ -41,9 +41,8 @@ def on_mesh(text, zone):
 
 
 def finer_layer(text):
-    accuracy = value_of(text, "layer.modes.accuracy")
-    if accuracy is not None:
-        return with_value(text, "layer.modes.accuracy", 0.1 * accuracy)
+    if value_of(text, "layer.heat") == "modes":
+        return with_value(text, "layer.modes.accuracy", 0.1 * (value_of(text, "layer.modes.accuracy") or 1e-6))
     cells, grading = value_of(text, "layer.cells") or 500, value_of(text, "layer.grading") or 1.0
     return with_value(with_value(text, "layer.cells", 2 * cells), "layer.grading", math.sqrt(grading))
 

@@ -40,6 +40,8 @@ v1::Scene scene_with(const StudyCase& study_case, const Setting& setting) {
     scene.mutable_layer()->set_heat(v1::HEAT_PROFILE);
     scene.mutable_layer()->clear_modes();
   } else {
+    scene.mutable_layer()->clear_cells();
+    scene.mutable_layer()->clear_grading();
     scene.mutable_layer()->set_heat(v1::HEAT_MODES);
     scene.mutable_layer()->clear_modes();
     scene.mutable_layer()->mutable_modes()->set_accuracy(setting.accuracy);

@@ -135,14 +135,17 @@ std::string type_text(const FieldDescriptor& field) {
 
 std::string default_text(const FieldDescriptor& field) {
   const v1::Rule& rule = rule_of(field);
+  std::string value = rule.has_default_number()     ? number_text(rule.default_number())
+                      : rule.default_text().empty() ? ""
+                                                    : '"' + rule.default_text() + '"';
   if (!rule.used_with().empty()) {
     const bool needed = rule.required() || !rule.required_without().empty();
-    return fmt::format("{} `{}`", needed ? "required with" : "only with", rule.used_with());
+    return fmt::format("{}{}{} `{}`", value, value.empty() ? "" : ", ", needed ? "required with" : "only with",
+                       rule.used_with());
   }
   if (rule.required()) return "required";
-  if (rule.has_default_number()) return number_text(rule.default_number());
+  if (!value.empty()) return value;
   if (field.cpp_type() == FieldDescriptor::CPPTYPE_BOOL) return "false";
-  if (!rule.default_text().empty()) return '"' + rule.default_text() + '"';
   return rule.required_without().empty() ? "absent" : "required without `" + rule.required_without() + "`";
 }
 

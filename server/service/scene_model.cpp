@@ -154,11 +154,11 @@ physics::JunctionOptions junctions_of(const v1::Junctions& junctions, const phys
   return {.contact_fraction = junctions.contact_fraction(), .height = junctions.height_m(), .metal = metal};
 }
 
-// A scene with a tolerance gives no cells; its options have one cell of grading 1 until the server has chosen the grid.
+// A scene with a tolerance gives no cells, nor one with heat modes, which need none: the options have the default.
 template <typename Table>
 physics::GridOptions grid_of(const Table& table) {
   return {.thickness = table.thickness_m(),
-          .cells = table.has_cells() ? static_cast<int>(table.cells()) : 1,
+          .cells = table.has_cells() ? static_cast<int>(table.cells()) : physics::GridOptions{}.cells,
           .grading = table.has_grading() ? table.grading() : 1.0,
           .far_boundary = far_boundary_of(table.far_boundary())};
 }
@@ -264,6 +264,41 @@ std::string strength_warning(const v1::Scene& scene, const physics::ModelOptions
       strength, most);
 }
 
+// The warnings of constants of which each has a value that may be, and that contradict each other.
+void add_contradictions(const v1::Scene& scene, const physics::ModelOptions& options,
+                        std::vector<std::string>& warnings) {
+  const auto ends_below = [&](double first, const std::string& first_key, double last, const std::string& last_key) {
+    if (first > last)
+      warnings.push_back(
+          fmt::format("{} = {} Pa is above {} = {} Pa, where hardening ends, and is not reached. Are they "
+                      "in one unit, and of one metal?",
+                      first_key, scene::number_text(first), last_key, scene::number_text(last)));
+  };
+  const auto check_body = [&](const physics::Material& body, const std::string& name) {
+    if (physics::has_constant(body.flow_law, &physics::Material::yield_strength_max))
+      ends_below(body.yield_strength, name + ".yield_strength_pa", body.yield_strength_max,
+                 name + ".yield_strength_max_pa");
+    constexpr double kMostRatio = 1.3;  // measured constants of one metal agree better
+    const double derived = body.conductivity / (body.density * body.specific_heat);
+    if (std::abs(std::log(body.diffusivity / derived)) > std::log(kMostRatio))
+      warnings.push_back(
+          fmt::format("{0}.thermal_diffusivity_m2_per_s = {1} m2 s-1 contradicts conductivity / (density "
+                      "* specific heat) = {2:.3g} m2 s-1: correct one of the four, or leave it out",
+                      name, scene::number_text(body.diffusivity), derived));
+  };
+  check_body(options.soft, "soft");
+  check_body(options.hard, "hard");
+  if (options.junctions)
+    ends_below(options.interface.yield_strength, "interface.yield_strength_pa",
+               options.junctions->metal.yield_strength_max, "junctions.yield_strength_max_pa");
+  const v1::Interface& law = scene.interface();
+  if (law.friction_coefficient_fast() > law.friction_coefficient())
+    warnings.push_back(fmt::format(
+        "interface.friction_coefficient_fast = {} is above interface.friction_coefficient = "
+        "{}: friction grows with velocity. Are they swapped?",
+        scene::number_text(law.friction_coefficient_fast()), scene::number_text(law.friction_coefficient())));
+}
+
 // What a user should know about the tables of a scene or of one of its pairs.
 std::vector<std::string> warnings_of(const v1::Scene& scene, const physics::ModelOptions& options) {
   std::vector<std::string> warnings;
@@ -273,6 +308,7 @@ std::vector<std::string> warnings_of(const v1::Scene& scene, const physics::Mode
                     "another flow_law",
                     scene.soft().material(), caution, physics::FlowLaws::name_of(options.soft.flow_law)));
   if (std::string warning = strength_warning(scene, options); !warning.empty()) warnings.push_back(std::move(warning));
+  add_contradictions(scene, options, warnings);
   return warnings;
 }
 
@@ -329,6 +365,7 @@ SceneModel convert_tables(v1::Scene& scene) {
         "Leave it out.");
   scene::set_numbers(physics::constants_of(options.soft), *scene.mutable_soft());
   scene::set_numbers(physics::constants_of(options.hard), *scene.mutable_hard());
+  if (options.strategy == physics::Strategy::kForceDriven) scene.clear_velocity_driven();
   return made;
 }
 

@@ -61,8 +61,7 @@ TEST_F(Compare, TheFirstNodeAndQuantityThatDifferAreNamed) {
 }
 
 TEST_F(Compare, WithoutAProfileTheModesAreCompared) {
-  v1::Scene scene = support::force_scene();
-  scene.mutable_layer()->set_heat(v1::HEAT_MODES);
+  const v1::Scene scene = support::modes_scene();
   const auto a = checkpoint(1, nothing, false, scene);
   EXPECT_EQ(store::first_difference(a, checkpoint(2, nothing, false, scene)), "");
   const auto b = checkpoint(

@@ -53,8 +53,7 @@ struct Kind {
 
   operator Strategy() const { return strategy; }  // NOLINT(google-explicit-constructor)
   v1::Scene scene() const {
-    v1::Scene scene = support::scene_of(strategy);
-    if (modes) scene.mutable_layer()->set_heat(v1::HEAT_MODES);
+    v1::Scene scene = modes ? support::modes_scene() : support::scene_of(strategy);
     if (controlled) {
       scene.clear_layer();
       scene.mutable_layer();

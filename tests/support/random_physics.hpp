@@ -216,6 +216,7 @@ inline ModelOptions random_options(Draw& draw, Strategy strategy, bool extreme) 
   options.grid.grading = draw.chance(0.5) ? 1.0 : draw.uniform(1.0, 1.3);
   options.grid.far_boundary = draw.chance(0.5) ? FarBoundary::kInsulated : FarBoundary::kHalfSpace;
   options.drive = draw.chance(0.5) ? Drive::kLayerShear : Drive::kInterfaceSlip;
+  if (strategy == Strategy::kForceDriven) options.drive = Drive::kLayerShear, options.friction_coefficient.reset();
   if (draw.chance(0.4)) {
     options.hard_grid =
         GridOptions{options.grid.thickness * draw.log_uniform(0.02, 5.0), draw.integer(1, 40), draw.uniform(1.0, 1.3),

@@ -36,6 +36,15 @@ inline v1::Scene force_scene(std::uint32_t cells = 24) {
   return scene;
 }
 
+// The same without cells: the heat is in modes.
+inline v1::Scene modes_scene() {
+  v1::Scene scene = force_scene();
+  scene.mutable_layer()->clear_cells();
+  scene.mutable_layer()->clear_grading();
+  scene.mutable_layer()->set_heat(v1::HEAT_MODES);
+  return scene;
+}
+
 inline v1::Scene scene_of(wire::Strategy strategy) {
   return strategy == wire::Strategy::kForceDriven ? force_scene() : velocity_scene();
 }

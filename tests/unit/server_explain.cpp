@@ -75,7 +75,7 @@ TEST(Explain, WhatASceneCannotHaveIsSaidWithTheReason) {
   const Explanation forced = explain(support::force_scene());
   EXPECT_THAT(part(forced, "layer.inertia").excluded, HasSubstr("a layer that is rigid moves with the soft body"));
   EXPECT_THAT(forced.text(), HasSubstr("off layer.inertia"));
-  EXPECT_EQ(part(forced, "velocity_driven.drive").excluded, "it belongs to the other strategy");
+  EXPECT_THAT(part(forced, "velocity_driven.drive").excluded, HasSubstr("is an option of strategy"));
   const Explanation driven = explain(support::velocity_scene());
   EXPECT_TRUE(part(driven, "layer.inertia").excluded.empty());
   EXPECT_TRUE(part(driven, "junctions").excluded.empty());

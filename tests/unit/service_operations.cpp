@@ -152,8 +152,7 @@ TEST_F(Top, HottestAndFastestAreThoseOfTheLastAnswer) {
 }
 
 TEST(Operations, WithoutAProfileTheHottestAreToldToo) {
-  v1::Scene scene = support::force_scene();
-  scene.mutable_layer()->set_heat(v1::HEAT_MODES);
+  const v1::Scene scene = support::modes_scene();
   ServiceHarness harness;
   harness.ask(ServiceHarness::opening(scene, kNodes), kOther);
   const Answer answer =

@@ -218,9 +218,8 @@ TEST(ServiceProfiles, AreRefusedWithTheirReason) {
   late.batch = asking(host.ids);
   EXPECT_EQ(host.harness.ask(late).code(), Code::kEpoch);
 
-  v1::Scene modes = support::force_scene();
-  modes.mutable_layer()->set_heat(v1::HEAT_MODES);
-  const wire::Status none = Host(modes, wire::Strategy::kForceDriven).read(asking(host.ids)).reply.status;
+  const wire::Status none =
+      Host(support::modes_scene(), wire::Strategy::kForceDriven).read(asking(host.ids)).reply.status;
   EXPECT_EQ(none.code, Code::kUnsupported);
   EXPECT_EQ(none.field, "layer.heat");
 }

@@ -30,6 +30,7 @@ using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::SizeIs;
 using ::testing::StartsWith;
 
@@ -54,7 +55,6 @@ void expect_refusals(const v1::Scene& scene, std::initializer_list<Row> rows) {
 }
 
 const std::string kSecondOrder = "time_integrator: TIME_INTEGRATOR_SDIRK2 ";
-const std::string kModes = "heat: HEAT_MODES ";
 const std::string kWeakening =
     "interface { friction_law: FRICTION_LAW_VELOCITY_WEAKENING friction_coefficient_fast: 0.02 "
     "velocity_decay_s_per_m: 0.01 } ";
@@ -160,10 +160,10 @@ TEST(SceneOptions, PlasticHeatingIsRefusedWhereItsWorkWouldCountTwiceOrHaveNoBod
 }
 
 TEST(SceneOptions, SecondOrderIsSaidToBeOfOpenContactsAndModesAreRefusedWhereTheyWouldMeanNothing) {
-  const v1::Scene velocity = support::velocity_scene(), force = support::force_scene();
+  const v1::Scene velocity = support::velocity_scene(), force = support::force_scene(), modes = support::modes_scene();
   EXPECT_EQ(scene_model(force).options.time_integrator, physics::TimeIntegrator::kBackwardEuler);
   EXPECT_FALSE(scene_model(force).options.modes);
-  const SceneModel made = scene_model(with(force, "layer { " + kSecondOrder + kModes + "}"));
+  const SceneModel made = scene_model(with(modes, "layer { " + kSecondOrder + "}"));
   EXPECT_EQ(made.options.time_integrator, physics::TimeIntegrator::kSdirk2);
   EXPECT_EQ(made.options.modes->accuracy, 1e-6);
   ASSERT_TRUE(effective_of(made).layer().has_modes());
@@ -172,21 +172,25 @@ TEST(SceneOptions, SecondOrderIsSaidToBeOfOpenContactsAndModesAreRefusedWhereThe
   const std::string times = "modes { shortest_step_s: 1e-6 longest_time_s: 1e-7 } ",
                     second = "layer { " + kSecondOrder + "} ";
   const std::string plastic = "interface { plastic_layer: true } ";
+  expect_refusals(modes, {{second + "hard_layer {}", "layer.heat", "modes follow one body"},
+                          {"layer { " + kSecondOrder + times + "}", "layer.modes.longest_time_s", ""},
+                          {"layer { cells: 40 }", "layer.cells", "is used only with heat = \"profile\""},
+                          {"layer { grading: 1.1 }", "layer.grading", "is used only with heat = \"profile\""},
+                          {plastic, "layer.heat", "a layer flows by the temperature inside it"},
+                          {"tangential_components: 2 " + kWeakening, "", ""}});
   expect_refusals(force,
-                  {{"layer { " + kSecondOrder + kModes + "} hard_layer {}", "layer.heat", "modes follow one body"},
-                   {"layer { " + kSecondOrder + kModes + times + "}", "layer.modes.longest_time_s", ""},
-                   {"layer { " + kSecondOrder + times + "}", "layer.modes", ""},
+                  {{"layer { " + kSecondOrder + times + "}", "layer.modes", ""},
                    {second + plastic, "", ""},  // and a warning, see below
                    {plastic, "", ""},
-                   {"layer { " + kModes + "} " + plastic, "layer.heat", "a layer flows by the temperature inside it"},
                    {second + "tangential_components: 2", "", ""},
                    {second + "tangential_components: 2 junctions { contact_fraction: 1 height_m: 1e-7 }", "", ""},
-                   {second + "tangential_components: 2 " + kWeakening, "", ""},
-                   {"layer { " + kModes + "} tangential_components: 2 " + kWeakening, "", ""}});
+                   {second + "tangential_components: 2 " + kWeakening, "", ""}});
   EXPECT_THAT(physics::Model(scene_model(with(force, second + plastic)).options).warnings(),
               Contains(HasSubstr("open contacts second order")));
-  expect_refusals(velocity, {{"layer { " + kModes + "}", "layer.heat", "a layer flows by the temperature inside it"},
-                             {second, "", ""},
+  v1::Scene flowing = velocity;
+  *flowing.mutable_layer() = modes.layer();
+  expect_refusals(flowing, {{"", "layer.heat", "a layer flows by the temperature inside it"}});
+  expect_refusals(velocity, {{second, "", ""},
                              {"layer { inertia: true " + kSecondOrder + "}", "", ""},
                              {second + "hard_layer {} velocity_driven { taylor_quinney_factor: 0.9 }", "", ""}});
 }
@@ -242,6 +246,16 @@ TEST(SceneOptions, InertiaIsRefusedWhereItHasNoMeaning) {
                   "does not go with velocity_driven.drive"},
                  {two_sided + "layer { grading: 1 cells: 1001 }", "layer.inertia", "at most 1000 cells, found 1001"}});
   expect_refusals(force, {{"", "layer.inertia", "whose mass has its own already"}});
+}
+
+TEST(SceneOptions, WhatTheOtherStrategyReadsIsRefused) {
+  expect_refusals(
+      support::force_scene(),
+      {{"velocity_driven { drive: DRIVE_INTERFACE_SLIP }", "velocity_driven.drive", "is an option of strategy"},
+       {"velocity_driven { friction_coefficient: 0.2 }", "velocity_driven.friction_coefficient",
+        "is an option of strategy = \"velocity_driven\""},
+       {"velocity_driven { drive: DRIVE_LAYER_SHEAR }", "", ""}});  // as earlier effective scenes have it
+  EXPECT_THAT(scene_model(support::force_scene()).effective, Not(HasSubstr("[velocity_driven]")));
 }
 
 TEST(SceneOptions, SleepIsRefusedWhereNothingCouldRest) {
@@ -596,6 +610,30 @@ TEST(UsualValues, AFrictionCoefficientFarAboveOneIsAsked) {
   EXPECT_THAT(scene_model(scene).warnings,
               ElementsAre("interface.friction_coefficient = 3 is unusual: values from 0 to 1.5 are expected. Is it "
                           "meant?"));
+}
+
+TEST(UsualValues, ConstantsThatContradictEachOtherAreAsked) {
+  const std::string weakening =
+                        "interface { friction_law: FRICTION_LAW_VELOCITY_WEAKENING velocity_decay_s_per_m: 0.01 ",
+                    junctions = "junctions { contact_fraction: 0.5 height_m: 1e-7 ";
+  for (const auto& [changes, warning] : std::initializer_list<std::pair<std::string, const char*>>{
+           {"soft { yield_strength_pa: 3e8 yield_strength_max_pa: 1e8 } interface { yield_strength_pa: 9e7 }",
+            "soft.yield_strength_pa = 3e8 Pa is above soft.yield_strength_max_pa = 1e8 Pa"},
+           {"hard { thermal_diffusivity_m2_per_s: 1e-5 }",
+            "hard.thermal_diffusivity_m2_per_s = 1e-05 m2 s-1 contradicts conductivity / (density * specific heat) = "
+            "4.08e-06 m2 s-1"},
+           {junctions + "yield_strength_max_pa: 1e8 }",
+            "interface.yield_strength_pa = 2e8 Pa is above junctions.yield_strength_max_pa = 1e8 Pa"},
+           {weakening + "friction_coefficient_fast: 0.5 }",
+            "interface.friction_coefficient_fast = 0.5 is above interface.friction_coefficient = 0.3"}}) {
+    const SceneModel made = scene_model(with(support::force_scene(), changes));
+    EXPECT_THAT(made.warnings, ElementsAre(StartsWith(warning)));
+    EXPECT_EQ(scene_model(made.effective, "effective").warnings, made.warnings);
+  }
+  const std::string agree = "soft { yield_strength_max_pa: 2e8 thermal_diffusivity_m2_per_s: 6e-5 } ";
+  EXPECT_THAT(
+      scene_model(with(support::force_scene(), agree + weakening + "friction_coefficient_fast: 0.3 }")).warnings,
+      IsEmpty());
 }
 
 // Y* of the paper's aluminium is 301 MPa, calculated independently.

@@ -83,7 +83,7 @@ constexpr std::array kParts = {
     Part{.property = kInterfaceSlip,
          .key = "velocity_driven.drive",
          .value = "\"interface_slip\"",
-         .is_on = jump_is_slip,
+         .is_on = [](const ModelOptions& o) { return o.drive == Drive::kInterfaceSlip; },
          .set = [](ModelOptions& o, bool on) { o.drive = on ? Drive::kInterfaceSlip : Drive::kLayerShear; },
          .goes_with = {kVelocityDriven},
          .needs = {kVelocityDriven},
@@ -94,10 +94,7 @@ constexpr std::array kParts = {
     Part{.property = kCoulombLimit,
          .key = "velocity_driven.friction_coefficient",
          .value = "0.1",
-         .is_on =
-             [](const ModelOptions& o) {
-               return o.strategy == Strategy::kVelocityDriven && o.friction_coefficient.has_value();
-             },
+         .is_on = [](const ModelOptions& o) { return o.friction_coefficient.has_value(); },
          .set = [](ModelOptions& o, bool on) { o.friction_coefficient = on ? std::optional(0.02) : std::nullopt; },
          .goes_with = {kVelocityDriven, kInterfaceSlip},
          .needs = {kVelocityDriven},
