@@ -23,6 +23,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -88,9 +89,9 @@ void add_options(CLI::App& app, ServerOptions& options) {
          "Memory for the states of one user's sessions, in MB, except operators'; by default three quarters of the "
          "memory for all")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 30));
-  app.add_option("--state-dir", options.state_dir,
-                 "Directory in which sessions outlive the server; without one they end with it")
-      ->type_name("DIR");
+  auto* const state = app.add_option("--state-dir", options.state_dir,
+                                     "Directory in which sessions outlive the server; without one they end with it")
+                          ->type_name("DIR");
   shearbus::program::add_choice(
       app, "--durability", options.durability, {"none", "process", "power"},
       "What an answer outlives, with --state-dir: nothing, the death of the server, or the loss "
@@ -125,6 +126,9 @@ void add_options(CLI::App& app, ServerOptions& options) {
       ->type_name("NUMBER");
   app.add_flag("--accept-empty", options.accept_empty,
                "Where the state directory cannot be used, set its files aside and start without states");
+  for (const char* name : {"--durability", "--checkpoint-every", "--checkpoint-after", "--checkpoint-work",
+                           "--capsules", "--drop-session", "--drop-record", "--accept-empty"})
+    app.get_option(name)->needs(state);
   auto* const record =
       app.add_option("--record", options.record_dir,
                      "Directory that gets an event log of each session, for shearbus-replay: requests and replies as "
@@ -164,8 +168,13 @@ sessions were open.)";
 // Throws CLI::ParseError for options that no server can have, whatever is on the disk.
 void check_command_line(const ServerOptions& options) try {
   shearbus::server::Access::check(options);
+  std::set<std::string> seen;
   for (const std::string& text : options.endpoints) {
     const auto endpoint = shearbus::transport::Endpoint::parse(text);
+    const std::string place =
+        endpoint.path.empty() ? text : std::filesystem::absolute(endpoint.path).lexically_normal().string();
+    if (endpoint.port != "*" && !seen.insert(place).second)
+      throw std::invalid_argument(fmt::format("--bind {} is given twice; leave out one of the two", text));
     if (options.curve_secret.empty() && !options.insecure_plaintext) endpoint.refuse_unprotected();
   }
   for (const std::string& law : options.own_laws) static_cast<void>(shearbus::server::own_law_of(law));
