@@ -479,11 +479,23 @@ std::optional<Place> Document::place_of_path(std::string_view path) const {
   return std::nullopt;
 }
 
+Place Document::place_of_fault(const Fault& fault) const {
+  // A rule between keys names "key = value" of each, and may be about one that is absent: another is in the text.
+  if (!places.contains(fault.path))
+    for (std::size_t end = fault.text.find(" = "); end != std::string::npos; end = fault.text.find(" = ", end + 1)) {
+      const std::size_t begin = fault.text.rfind(' ', end - 1) + 1;  // without a blank, npos + 1 is 0
+      if (const auto found = places.find(std::string_view(fault.text).substr(begin, end - begin));
+          found != places.end())
+        return found->second;
+    }
+  return place_of_path(fault.path).value_or(Place{});
+}
+
 void Document::refuse(const std::vector<Fault>& faults, std::string remedy) const {
   std::vector<std::pair<Place, const Fault*>> sorted;
   sorted.reserve(faults.size());
   for (const Fault& fault : faults) {
-    sorted.emplace_back(fault.place ? *fault.place : place_of_path(fault.path).value_or(Place{}), &fault);
+    sorted.emplace_back(fault.place ? *fault.place : place_of_fault(fault), &fault);
   }
   std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<std::string> lines;

@@ -34,6 +34,7 @@ struct Document {
 
  private:
   std::optional<Place> place_of_path(std::string_view path) const;
+  Place place_of_fault(const Fault& fault) const;
 };
 
 // A function that checks the rules between several keys. `root` has its defaults filled in.

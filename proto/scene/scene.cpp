@@ -33,10 +33,10 @@ void check_first_cell(const std::string& table, double thickness, std::uint32_t 
   const double first = thickness / sum;
   if (!(first >= kThinnestCell * (1.0 - kRounding)))
     findings.add(table + (grading_given ? ".grading" : ".cells"),
-                 fmt::format("{}.grading = {} with {} cells makes the first cell {:.3g} m wide, expected at least {} "
-                             "m, the distance of two "
-                             "atoms: take fewer cells or a ratio nearer to 1",
-                             table, number_text(ratio), cells, first, kThinnestCell));
+                 fmt::format("{0}.thickness_m = {1} m, {0}.cells = {2} and {0}.grading = {3} make the first cell "
+                             "{4:.3g} m wide, expected at least {5} m, the distance of two atoms: take fewer cells or "
+                             "a ratio nearer to 1",
+                             table, number_text(thickness), cells, number_text(ratio), first, kThinnestCell));
 }
 
 void check_grids(const v1::Scene& scene, Findings& findings) {

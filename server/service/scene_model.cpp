@@ -383,6 +383,16 @@ bool may_differ(std::string_view path, bool is_number) {
          std::ranges::count(kNumbers, path) != 0;
 }
 
+void refuse_molten_start(const physics::ModelOptions& options) {
+  if (options.initial_temperature < options.soft.melting_temperature) return;
+  refuse("layer.initial_temperature_k",
+         fmt::format("layer.initial_temperature_k = {} K is not below soft.melting_temperature_k = {} K: the layer "
+                     "starts solid",
+                     scene::number_text(options.initial_temperature),
+                     scene::number_text(options.soft.melting_temperature)),
+         "Correct one of the two, in K.");
+}
+
 // Refuses a pair whose layer has other options or other states than the scene's. Returns the warnings of its model.
 std::vector<std::string> check_shape(const v1::Scene& scene, const physics::Model& model, const v1::Scene& whole,
                                      const physics::ModelOptions& of_pair, const std::string& table) {
@@ -435,6 +445,7 @@ void add_pairs(const v1::Scene& given, v1::Scene& scene, SceneModel& made) {
     scene::fill_defaults(whole);
     try {
       const SceneModel model = convert_tables(whole);
+      refuse_molten_start(model.options);
       std::vector<std::string> warnings =
           check_shape(outside, outside_model, whole, model.options, "pair." + pair.name());
       std::ranges::copy(warnings_of(whole, model.options), std::back_inserter(warnings));
@@ -448,11 +459,23 @@ void add_pairs(const v1::Scene& given, v1::Scene& scene, SceneModel& made) {
   }
 }
 
+// Clears the diffusivities that are as the server derives them: they draw no warning beside those of their constants.
+template <typename Tables>  // a scene or a pair
+void clear_derived(Tables& tables) {
+  for (v1::Body* body : {tables.mutable_soft(), tables.mutable_hard()})
+    if (body->thermal_diffusivity_m2_per_s() ==
+        body->thermal_conductivity_w_per_m_k() / (body->density_kg_per_m3() * body->specific_heat_j_per_kg_k()))
+      body->clear_thermal_diffusivity_m2_per_s();
+}
+
 // Converts a checked scene.
 SceneModel convert(v1::Scene& scene, bool warn) {
   const v1::Scene given = scene::without_pairs(scene);
   SceneModel made = convert_tables(scene);
-  if (warn) made.warnings = warnings_of(scene, made.options);
+  if (warn) {
+    refuse_molten_start(made.options);
+    made.warnings = warnings_of(scene, made.options);
+  }
   add_pairs(given, scene, made);
   made.effective = scene::to_toml(scene);
   if (!made.pairs.empty() && made.effective.size() > wire::kMaxSceneBytes)
@@ -461,7 +484,11 @@ SceneModel convert(v1::Scene& scene, bool warn) {
                        made.effective.size(), wire::kMaxSceneBytes),
            "Divide the pairs over several sessions.");
   made.scene = std::make_shared<v1::Scene>(scene);
-  if (warn) std::ranges::copy(scene::unusual_values(scene), std::back_inserter(made.warnings));
+  if (warn) {
+    clear_derived(scene);
+    for (v1::Pair& pair : *scene.mutable_pair()) clear_derived(pair);
+    std::ranges::copy(scene::unusual_values(scene), std::back_inserter(made.warnings));
+  }
   return made;
 }
 

@@ -253,7 +253,7 @@ std::span<const std::uint64_t> check_node_column(const wire::Batch& batch, const
   return ids;
 }
 
-// Refuses a start temperature of the scene at which the soft body is not solid.
+// Refuses parameters of nodes with which the soft body is not solid at the scene's start temperature.
 void check_scene_temperature(const physics::ModelOptions& options) {
   const double value = options.initial_temperature;
   if (value > 0.0 && value < options.soft.melting_temperature) return;
@@ -366,7 +366,6 @@ void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
 }
 
 std::vector<double> check_initial_temperatures(const wire::Batch& batch, const physics::ModelOptions& options) {
-  check_scene_temperature(options);
   return initial_temperatures(batch, [&](std::size_t) -> const physics::ModelOptions& { return options; });
 }
 

@@ -447,6 +447,19 @@ TEST(SceneRules, WhatThePhysicsExcludesIsReportedWithItsPlace) {
   EXPECT_EQ(refusal_of(velocity), "");
   EXPECT_THAT(refusal_of(velocity + junctions), StartsWith("scene.toml:5:1: interface.yield_strength_pa is missing"));
   EXPECT_THAT(refusal_of(velocity + "plastic_layer = true\n"), StartsWith("scene.toml:7:1: interface.plastic_layer"));
+  EXPECT_THAT(
+      refusal_of(force + "[layer]\ninitial_temperature_k = 1500\n"),
+      StartsWith("scene.toml:9:1: layer.initial_temperature_k = 1500 K is not below soft.melting_temperature_k = "
+                 "1220 K"));
+  EXPECT_THAT(refusal_of(force + "[soft]\nmelting_temperature_k = 100\n").substr(0, 15), StartsWith("scene.toml:"));
+  EXPECT_THAT(refusal_of(force + "[pair.a.layer]\ninitial_temperature_k = 1500\n"),
+              StartsWith("scene.toml:9:1: [pair.a]: layer.initial_temperature_k = 1500 K is not below"));
+  // Of two keys that contradict each other, the one that the text has is shown.
+  EXPECT_THAT(
+      refusal_of(force + "[layer]\nheat = 'modes'\n[layer.modes]\naccuracy = 1e-3\nshortest_step_s = 1\n"),
+      StartsWith("scene.toml:12:1: layer.modes.longest_time_s = 0.0001 s is below layer.modes.shortest_step_s = 1"));
+  EXPECT_THAT(refusal_of(force + "[layer]\nfar_boundary = 'insulated'\nthickness_m = 1e-8\n"),
+              StartsWith("scene.toml:10:1: layer.thickness_m = 1e-08 m, layer.cells = 500 and"));
   // A scene with several faults: all are reported together, each with its line, in the order of the text.
   const std::string several =
       refusal_of(force + "plastic_layer = true\n[layer]\nsleep = true\nheat = 'modes'\ninertia = true\n");

@@ -101,7 +101,7 @@ TEST(SceneOptions, HardLayerKeepsWhatIsGiven) {
 
 TEST(SceneOptions, AHardLayerWithoutAFirstCellIsRefused) {
   expect_refusals(support::velocity_scene(), {{"hard_layer { thickness_m: 1e-6 cells: 100000 }", "hard_layer.cells",
-                                               "hard_layer.grading = 1.15 with 100000 cells"},
+                                               "hard_layer.cells = 100000 and hard_layer.grading = 1.15"},
                                               {"hard_layer { thickness_m: 0 }", "hard_layer.thickness_m", ""}});
 }
 
@@ -110,7 +110,7 @@ TEST(SceneOptions, CellsNarrowerThanAnAtomAreRefused) {
       support::velocity_scene(),
       {{"layer { thickness_m: 25e-9 cells: 100 grading: 1 }", "", ""},
        {"layer { thickness_m: 25e-9 cells: 101 grading: 1 }", "layer.cells",
-        "makes the first cell 2.48e-10 m wide, expected at least 2.5e-10 m"},
+        "make the first cell 2.48e-10 m wide, expected at least 2.5e-10 m"},
        {"layer { cells: 60 }", "", ""},
        {"layer { cells: 60 grading: 1.2 }", "layer.grading", ""},  // 7e-11 m
        {"layer { cells: 60 grading: 1 } hard_layer { thickness_m: 2e-9 cells: 10 }", "hard_layer.cells", ""}});
@@ -676,6 +676,12 @@ TEST(UsualValues, APairIsNamedWithItsTable) {
                            "[pair.a.interface]\nfriction_coefficient = 0.1\nyield_strength_pa = 200\n";
   EXPECT_THAT(scene_model(text, "s").warnings,
               ElementsAre(HasSubstr("pair.a.interface.yield_strength_pa = 200 Pa is unusual")));
+}
+
+TEST(UsualValues, WhatFollowsFromAnUnusualValueIsNotAskedAgain) {
+  const SceneModel made = scene_model(with(support::force_scene(), "soft { density_kg_per_m3: 2.7 }"));
+  EXPECT_THAT(made.warnings, ElementsAre(HasSubstr("soft.density_kg_per_m3 = 2.7")));
+  EXPECT_EQ(scene_model(made.effective, "effective").warnings, made.warnings);
 }
 
 // The words for flow laws and friction laws in a scene must be the names of the registered laws, in the same order.
