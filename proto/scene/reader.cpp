@@ -11,6 +11,7 @@
 #include <locale>
 #include <memory>
 #include <optional>
+#include <regex>
 #include <sstream>
 #include <utility>
 
@@ -31,6 +32,7 @@ using wire::printable;
 constexpr std::size_t kMaxFaultsListed = 50;
 constexpr std::size_t kMaxTableName = 64;
 constexpr std::size_t kLongestFileName = 1024;  // in a message  [bytes]
+constexpr std::string_view kHydro = "hydro";    // the table that only shearbus-hydro reads
 
 Place place_of(const toml::key& key, const toml::node& node) {
   const toml::source_position& at =
@@ -65,6 +67,8 @@ std::string found(const toml::node& node) {
   text.imbue(std::locale::classic());  // whatever locale the host has chosen
   if (const toml::value<std::string>* string = node.as_string())
     text << '"' << printable(string->get(), kShown) << '"';
+  else if (const toml::value<double>* number = node.as_floating_point())
+    text << fmt::format("{}", number->get());
   else
     node.visit([&](const auto& value) { text << value; });
   return fmt::format("found {} {}", kind_of(node), text.str());
@@ -186,6 +190,8 @@ class Reader {
   }
 
   std::string help_with(std::string_view key, const Descriptor& table) const {
+    if (key == kHydro && &table == &root_)
+      return "; shearbus-hydro alone reads it: remove [hydro] and the tables in it";
     std::vector<std::string_view> known;
     for (const FieldDescriptor* field : keys_of(table)) known.push_back(field->name());
     if (const std::string tables = tables_with(key, root_, ""); !tables.empty())
@@ -396,6 +402,46 @@ std::size_t find_control_byte(std::string_view text) {
   return static_cast<std::size_t>(std::ranges::find_if(text, is_control) - text.begin());
 }
 
+std::string_view trimmed(std::string_view text) {
+  constexpr std::string_view kBlank = " \t\r";
+  text.remove_prefix(std::min(text.find_first_not_of(kBlank), text.size()));
+  return text.substr(0, text.find_last_not_of(kBlank) + 1);
+}
+
+// Returns what is wrong in a line that is not TOML, if it is a common slip: numbers as in Fortran or in another language,
+// text without its quotes, a key or table given twice. Otherwise what the parser says.
+std::string syntax_fault(std::string_view text, std::size_t line, std::string_view parser_says) {
+  constexpr std::size_t kLongest = 60;
+  std::vector<std::string_view> lines;
+  for (std::size_t begin = 0; lines.size() < std::max<std::size_t>(line, 1) && begin <= text.size();
+       begin += lines.back().size() + 1)
+    lines.push_back(text.substr(begin, text.find('\n', begin) - begin));
+  const auto key_of = [](std::string_view l) { return trimmed(l.substr(0, l.find_first_of("=#"))); };
+  const std::string_view key = key_of(lines.back());
+  if (parser_says.find("cannot redefine") != parser_says.npos)
+    for (std::size_t n = lines.size() - 1; n > 0 && (key.starts_with('[') || !trimmed(lines[n]).starts_with('[')); --n)
+      if (key_of(lines[n - 1]) == key)
+        return fmt::format("{} is given twice, first in line {}: remove one of the two", printable(key, kLongest), n);
+  const std::size_t equals = lines.back().find('=');
+  if (equals == std::string_view::npos) return printable(parser_says, wire::kMaxTextBytes);
+  static const std::pair<std::regex, const char*> kSlips[] = {
+      {std::regex("[-+]?[0-9.]+[dD][-+]?[0-9]+"), "the exponent of a number has an e: 1e-6"},
+      {std::regex("[-+]?[0-9]+,[0-9]+"), "a number has a decimal point: 1.5"},
+      {std::regex("[-+]?([.][0-9]+|[0-9]+[.])([eE][-+]?[0-9]+)?"),
+       "a number has digits on both sides of its point: 0.5"},
+      {std::regex("[-+]?[0-9.]+([eE][-+]?[0-9]+)? *[^-+0-9.eE,:_xob ].*"),
+       "a number stands without its unit, which the key names"},
+      {std::regex("(“|”|„|‘|’).*"), "text stands in straight quotes: \"steel_dlp\""},
+      {std::regex("(\"[^\"]*|'[^']*)"), "the closing quote is missing"},
+      {std::regex("[A-Za-z_].*"), "text stands in quotes: \"steel_dlp\""}};
+  const std::string_view rest = trimmed(lines.back().substr(equals + 1));
+  const std::string value(trimmed(rest.substr(0, std::min(rest.find('#'), kLongest))));
+  for (const auto& [slip, help] : kSlips)
+    if (std::regex_match(value, slip))
+      return fmt::format("{} = {} is not TOML: {}", printable(key, kLongest), printable(value, kLongest), help);
+  return printable(parser_says, wire::kMaxTextBytes);
+}
+
 toml::table parse_toml(std::string_view text, const std::string& file) {
   if (text.empty()) refuse(line_of(file, {}, "the file is empty, expected a scene"));
   if (text.size() > wire::kMaxSceneBytes)
@@ -413,10 +459,22 @@ toml::table parse_toml(std::string_view text, const std::string& file) {
       return toml::parse(text);
     } catch (const toml::parse_error& error) {
       const toml::source_position& at = error.source().begin;
-      if (failed_before)
-        refuse(line_of(file, {at.line, at.column}, printable(error.description(), wire::kMaxTextBytes)));
+      if (failed_before) refuse(line_of(file, {at.line, at.column}, syntax_fault(text, at.line, error.description())));
     }
   }
+}
+
+// Refuses TOML that is no scene at all, of which else each key would be a fault.
+void refuse_other_format(const toml::table& table, Message& root, const std::string& file) {
+  std::vector<std::string> unknown;
+  for (const auto& [key, node] : table)
+    if (node.is_table() && key.str() != kHydro && !find_slot(root, std::string(key.str())).field)
+      unknown.push_back(fmt::format("[{}]", printable(key.str(), kMaxTableName)));
+  if (unknown.size() > 1 && !table.contains("strategy"))
+    refuse(line_of(file, {},
+                   fmt::format("this is no scene but TOML of another kind: it has no strategy, and a scene has no "
+                               "tables {}",
+                               fmt::join(unknown, ", "))));
 }
 
 // Returns the text with the lines marked in `blank` emptied, so that the line numbers stay the same. Lines count from
@@ -521,6 +579,7 @@ wire::Status Document::placed(wire::Status status) const {
 Document read(std::string_view text, const std::string& file, Message& root, const CrossRules& cross_rules) {
   Document document{.file = printable(file, kLongestFileName), .places = {}};
   const toml::table table = parse_toml(text, document.file);
+  refuse_other_format(table, root, document.file);
   std::vector<Fault> faults;
   Reader(*root.GetDescriptor(), document.places, faults).root_table(table, root);
   Findings findings(std::move(faults));
@@ -578,7 +637,7 @@ std::string without_table(std::string_view text, const std::string& file, std::s
 }
 
 std::string load_text(const std::filesystem::path& path) {
-  return without_table(read_file(path), path.string(), "hydro");
+  return without_table(read_file(path), path.string(), kHydro);
 }
 
 }  // namespace shearbus::scene

@@ -157,6 +157,12 @@ std::string_view nearest(std::string_view word, std::span<const std::string_view
       best_distance = distance;
     }
   }
+  constexpr std::size_t kLeastPart = 4;
+  if (best.empty() && word.size() >= kLeastPart)
+    for (std::string_view candidate : candidates)
+      if (const std::size_t at = candidate.find(word); at != candidate.npos && (at == 0 || candidate[at - 1] == '_') &&
+                                                       (best.empty() || candidate.size() < best.size()))
+        best = candidate;
   return best;
 }
 

@@ -50,7 +50,8 @@ inline std::string labelled(const std::string& warning) {
 std::string as_utf8(std::string_view text, std::size_t max_bytes);
 
 // Returns the candidate with the smallest edit distance to a mistyped word; a swap of neighbouring letters counts once.
-// Returns "" if the distance exceeds a third of the longer word's length (but at least 1), or equals that length.
+// If the distance exceeds a third of the longer word's length (but at least 1), or equals that length, returns the
+// shortest candidate of which the word is a part ("density" of "density_kg_per_m3"), or "".
 std::string_view nearest(std::string_view word, std::span<const std::string_view> candidates);
 
 }  // namespace shearbus::wire

@@ -140,6 +140,8 @@ TEST(PhysicsMaterial, AMaterialCanBeGivenWithoutTheCatalog) {
 
 TEST(PhysicsMaterial, FaultsNameTheFieldAndTheNearestName) {
   EXPECT_EQ(make_material("aluminum_dlp", {}).fault_field, "material");
+  EXPECT_NE(make_material("copper", {}).fault.find("did you mean \"copper_ofhc\" or \"copper_ofhc_jc\" or"),
+            std::string::npos);
   EXPECT_NE(make_material("aluminum_dlp", {}).fault.find("did you mean \"aluminium_dlp\"?"), std::string::npos);
   EXPECT_NE(make_material("steel_dlp", Given{{"yield_strenght_pa", 1.0}}).fault.find("\"yield_strength_pa\""),
             std::string::npos);

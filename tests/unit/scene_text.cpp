@@ -231,6 +231,37 @@ TEST(SceneText, WhatIsNoSceneFileIsRefused) {
   std::filesystem::remove_all(directory);
 }
 
+TEST(SceneText, ACommonSlipIsNamed) {
+  for (const auto& [line, fault] : std::initializer_list<std::pair<const char*, const char*>>{
+           {"a = 20d-6", "a = 20d-6 is not TOML: the exponent of a number has an e"},
+           {"a = 1,1  # mm", "a = 1,1 is not TOML: a number has a decimal point"},
+           {"a = .5", "a = .5 is not TOML: a number has digits on both sides"},
+           {"a = 20e-6 m", "a = 20e-6 m is not TOML: a number stands without its unit"},
+           {"a = t", "a = t is not TOML: text stands in quotes"},
+           {"a = steel", "a = steel is not TOML: text stands in quotes"},
+           {"a = \"steel", "a = \"steel is not TOML: the closing quote is missing"},
+           {"a = “steel”", "a = “steel” is not TOML: text stands in straight quotes"},
+           {"b = 1\na = 1", "a is given twice, first in line 2"},
+           {"[c]\n[d]\n[c]", "[c] is given twice, first in line 2"}})
+    EXPECT_THAT(
+        refusal_of(std::string("a0 = 0\na = 1\n").substr(0, std::string_view(line).starts_with("b = ") ? 13 : 7) +
+                   line + "\n"),
+        HasSubstr(fault));
+  EXPECT_THAT(refusal_of("a = " + std::string(100'000, 'x') + "\n"), HasSubstr("text stands in quotes"));
+}
+
+TEST(SceneText, TomlOfAnotherKindIsOneFault) {
+  const std::string refusal =
+      load_refusal(std::string(SHEARBUS_SOURCE_DIR) + "/client/examples/problems/turned_line.toml");
+  EXPECT_THAT(refusal, HasSubstr(":1:1: this is no scene but TOML of another kind: it has no strategy"));
+  EXPECT_EQ(std::ranges::count(refusal, '\n'), 0) << refusal;
+}
+
+TEST(SceneText, TheTableOfTheHydrocodeIsNotTheServers) {
+  EXPECT_THAT(support::fault_of([] { parse(std::string(kPaper) + "[hydro]\nend_time_s = 1\n", "s"); }).text,
+              HasSubstr("hydro is not a key of a scene; shearbus-hydro alone reads it: remove [hydro]"));
+}
+
 TEST(SceneText, AMissingKeyIsOneFault) {
   const std::string refusal = refusal_of(
       "name='x'\nsoft.material='a'\nhard.material='b'\ninterface.friction_coefficient=0.1\n"
@@ -511,6 +542,9 @@ TEST(Nearest, FindsASlipOfTheFingerOnly) {
   EXPECT_EQ(wire::nearest("clels", known), "cells");
   EXPECT_EQ(wire::nearest("thicknes_m", known), "thickness_m");
   EXPECT_EQ(wire::nearest("grdaing", known), "grading");
+  EXPECT_EQ(wire::nearest("grad", known), "grading");
+  EXPECT_EQ(wire::nearest("thickness", known), "thickness_m");
+  EXPECT_EQ(wire::nearest("gra", known), "");
   EXPECT_EQ(wire::nearest("x", known), "");
   EXPECT_EQ(wire::nearest("conductivity", known), "");
   EXPECT_EQ(wire::nearest(std::string(1'000'000, 'c'), known), "");

@@ -92,14 +92,18 @@ std::string quoted(std::string_view text) {
   return result;
 }
 
-// Asks whether the nearest name was meant; empty if a third of the letters differ, and none can have been.
+// Asks whether the nearest name was meant, or those that begin with `name`; empty if none can have been.
 template <class Range>
 std::string did_you_mean(std::string_view name, const Range& range) {
   const std::string_view near = std::min_element(range.begin(), range.end(), [&](const auto& a, const auto& b) {
                                   return edit_distance(name, a.name) < edit_distance(name, b.name);
                                 })->name;
   const std::size_t most = std::max<std::size_t>(1, std::max(name.size(), near.size()) / 3);
-  return edit_distance(name, near) > most ? "" : "; did you mean " + quoted(near) + "?";
+  if (edit_distance(name, near) <= most) return "; did you mean " + quoted(near) + "?";
+  std::string longer;
+  for (const auto& one : range)
+    if (!name.empty() && one.name.starts_with(name)) longer += (longer.empty() ? "" : " or ") + quoted(one.name);
+  return longer.empty() ? "" : "; did you mean " + longer + "?";
 }
 
 std::string all_names() {
