@@ -150,6 +150,31 @@ std::string unknown_word(const CLI::App& app) {
   return option != words.end() ? *option : words.empty() ? std::string() : words.front();
 }
 
+// What CLI11 says of the value or the number of options, in the words of the help.
+std::string in_words_of_the_help(const CLI::App& app, const std::string& text) {
+  constexpr std::string_view kValue = ": Value ", kNotIn = " not in range ",
+                             kMost = ": At Most 1 required but received ", kOneOf = "Exactly 1 option from [",
+                             kGiven = "] is required and ", kIsFile = ": Directory is actually a file: ";
+  if (const std::size_t value = text.find(kValue), end = text.rfind(kNotIn); value < end && end != text.npos) {
+    const std::string name = text.substr(0, value);
+    const CLI::Option* option = app.get_option_no_throw(name);
+    for (const CLI::App* chosen : app.get_subcommands())
+      if (option == nullptr) option = chosen->get_option_no_throw(name);
+    if (option != nullptr)
+      return fmt::format("{}: {} is out of range, expected {}", name,
+                         text.substr(value + kValue.size(), end - value - kValue.size()), allowed_values(*option));
+  }
+  if (const std::size_t at = text.find(kMost); at != text.npos)
+    return fmt::format("{} is given {} times, expected once", text.substr(0, at), text.substr(at + kMost.size()));
+  if (const std::size_t end = text.find(kGiven); text.starts_with(kOneOf) && end != text.npos)
+    return fmt::format("expected one of {}: {}", text.substr(kOneOf.size(), end - kOneOf.size()),
+                       text.substr(end + kGiven.size()));
+  if (const std::size_t at = text.find(kIsFile); at != text.npos)
+    return fmt::format("{}: expected a directory, found the file {}", text.substr(0, at),
+                       text.substr(at + kIsFile.size()));
+  return text;
+}
+
 std::string text_of(const CLI::App& app, const CLI::ParseError& fault) {
   const std::string word = unknown_word(app);
   const bool is_option = word.starts_with("-");
@@ -157,11 +182,12 @@ std::string text_of(const CLI::App& app, const CLI::ParseError& fault) {
   const bool is_extra = dynamic_cast<const CLI::ExtrasError*>(&fault) != nullptr;
   const bool is_missing = dynamic_cast<const CLI::RequiredError*>(&fault) != nullptr;
   // An option that is required may be missing because its name is misspelt.
-  if (word.empty() || !(is_extra || (is_missing && (is_option || lacks_command)))) return fault.what();
+  if (word.empty() || !(is_extra || is_missing)) return in_words_of_the_help(app, fault.what());
   const std::string place =
       app.get_subcommands().empty() ? app.get_name() : app.get_name() + " " + app.get_subcommands().front()->get_name();
   const char* const kind = is_option ? "option" : lacks_command ? "command" : "argument";
-  return fmt::format("{} is no {} of {}{}", word, kind, place, nearest_of(word, known_words(app)));
+  return fmt::format("{} is no {} of {}{}{}", word, kind, place, nearest_of(word, known_words(app)),
+                     is_missing && !is_option && !lacks_command ? fmt::format("; {}", fault.what()) : "");
 }
 
 // Holds the numbers of a command and its subcommands to the rules of this program's numbers.
