@@ -137,6 +137,7 @@ void carry_out(const Options& options, SceneFile& file) {
   guest::HydroScene& scene = file.scene;
   if (!options.interface_law.empty() && scene.has_hydro())
     scene.mutable_hydro()->set_interface_law(interface_law(options.interface_law));
+  for (const std::string& warning : file.warnings()) program::complain(warning);
   if (has_problem2d(scene.hydro())) return carry_out_2d(options, file, nullptr);
   if (options.dumps.wanted())
     throw wire::Error({.code = wire::Code::kInvalidScene,

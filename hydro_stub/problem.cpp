@@ -113,6 +113,11 @@ void choose_steps(const guest::Hydro& hydro, ColumnProblem& problem) {
                     problem.dt, limit, hydro.cfl(), transit),
         "lower dt_s, or leave it out: it then follows from cfl");
   }
+  if (problem.dt > hydro.end_time_s())
+    refuse("hydro.end_time_s",
+           fmt::format("end_time_s = {} s is shorter than one step of {:.6g} s ({})", hydro.end_time_s(), problem.dt,
+                       problem.dt_reason),
+           "check shear_column.length_m, in m, and take more zones");
   // Velocities are defined at the times (k - 1/2) dt, k = 1, 2, ...; the run ends at the first of these times at or
   // after the end time. The tolerance 1e-9 avoids one more step where rounding lifts the ratio just above a whole
   // number.

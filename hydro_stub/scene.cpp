@@ -127,6 +127,24 @@ std::string SceneFile::server_text() const {
   return scene::without_table(text, document.file, "hydro");
 }
 
+std::vector<std::string> SceneFile::warnings() const {
+  guest::HydroScene read = scene;
+  const guest::Hydro& hydro = scene.hydro();
+  read.clear_scene();
+  if (hydro.has_gas_flow()) read.mutable_hydro()->clear_end_time_s();  // of the order of 1 s
+  std::vector<std::string> found = scene::unusual_values(read);
+  const guest::CoulombTresca& law = hydro.coulomb_tresca();
+  if (hydro.interface_law() == guest::INTERFACE_LAW_COULOMB_TRESCA &&
+      law.friction_coefficient_fast() > law.friction_coefficient_at_rest())
+    found.push_back(
+        fmt::format("hydro.coulomb_tresca.friction_coefficient_fast = {} is above "
+                    "friction_coefficient_at_rest = {}: friction grows with velocity. Are they swapped?",
+                    law.friction_coefficient_fast(), law.friction_coefficient_at_rest()));
+  for (std::string& warning : found)
+    warning = fmt::format("{}: warning: {}", document.where(warning.substr(0, warning.find(' '))), warning);
+  return found;
+}
+
 const std::vector<std::string>& interface_laws() {
   return scene::choices_of(*guest::Hydro::descriptor()->FindFieldByName("interface_law"));
 }

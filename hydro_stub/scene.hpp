@@ -18,6 +18,10 @@ struct SceneFile {
   // Returns the text for the server, without [hydro]. Every other key stays on its original line, as messages name
   // lines.
   std::string server_text() const;
+
+  // Returns warnings, each with its place: numbers of [hydro] that were probably meant in another unit. The server warns
+  // of the other tables.
+  std::vector<std::string> warnings() const;
 };
 
 // Read a scene from its text or its file. Throw wire::Error{kInvalidScene} that lists every fault of the scene.

@@ -410,7 +410,8 @@ std::string usual_of(const FieldDescriptor& field) {
 
 bool is_usual(const FieldDescriptor& field, double value) {
   const v1::Rule& rule = rule_of(field);
-  return !rule.has_usual_from() || value == 0.0 || (value >= rule.usual_from() && value <= rule.usual_to());
+  const double size = rule.usual_from() > 0.0 ? std::abs(value) : value;  // of which the sign is a direction
+  return !rule.has_usual_from() || value == 0.0 || (size >= rule.usual_from() && size <= rule.usual_to());
 }
 
 std::string unusual_text(const FieldDescriptor& field, const std::string& name, double value) {

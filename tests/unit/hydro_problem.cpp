@@ -10,6 +10,7 @@
 namespace shearbus::hydro {
 namespace {
 
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
@@ -29,6 +30,27 @@ TEST(HydroProblem, PairedListsMakeOneColumnPerEntry) {
   EXPECT_EQ(problem.columns, 2U);
   EXPECT_THAT(problem.initial_jump, ElementsAre(10.0, 20.0));
   EXPECT_THAT(problem.initial_temperature, ElementsAre(300.0, 300.0));
+}
+
+TEST(HydroProblem, NumbersInOtherUnitsAreAskedAndAStepIsNoLongerThanTheRun) {
+  const std::string scene =
+      "name = \"units\"\n[soft]\nmaterial = \"aluminium_dlp\"\n[hard]\nmaterial = "
+      "\"steel_dlp\"\n"
+      "[hydro]\nend_time_s = 12e-3\n";
+  const auto warnings_of = [&](const std::string& text) { return parse_scene(scene + text, "u.toml").warnings(); };
+  EXPECT_THAT(
+      warnings_of("cone_target = {flyer_speed_m_per_s = 0.4, soft_eos = {tension_limit_pa = 1.2}}\n"),
+      ElementsAre(
+          HasSubstr("u.toml:7:1: warning: hydro.end_time_s = 0.012 s is unusual: values from 1e-09 to 0.001 s "),
+          HasSubstr("hydro.cone_target.flyer_speed_m_per_s = 0.4 m s-1 is unusual"),
+          HasSubstr("hydro.cone_target.soft_eos.tension_limit_pa = 1.2 Pa is unusual")));
+  EXPECT_THAT(warnings_of("gas_flow = {test = \"noh\"}\n"), ElementsAre());
+  EXPECT_THAT(warnings_of("interface_law = \"coulomb_tresca\"\ncoulomb_tresca = {friction_coefficient_fast = 0.5}\n"),
+              Contains(HasSubstr("friction_coefficient_fast = 0.5 is above friction_coefficient_at_rest = 0.3")));
+  guest::HydroScene column = scene_with("velocity_jump_m_per_s = 10\npressure_pa = 1e9\n");
+  column.mutable_hydro()->mutable_shear_column()->set_length_m(1.0);
+  EXPECT_THAT(support::said_by<wire::Error>([&] { make_problem(column); }),
+              HasSubstr("end_time_s = 1e-07 s is shorter than one step of 3.1"));
 }
 
 TEST(HydroProblem, CombinedListsMakeEveryCombination) {

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "hydro_stub/hydro.pb.h"
 #include "proto/scene/rules.hpp"
 #include "proto/scene/scene.hpp"
 #include "proto/wire/status.hpp"
@@ -521,7 +522,7 @@ void for_each_number(const google::protobuf::Descriptor& table,
 
 TEST(UsualValues, EveryNumberWithAUnitHasThemWithinItsBounds) {
   int keys = 0;
-  for_each_number(*v1::Scene::descriptor(), [&](const google::protobuf::FieldDescriptor& field) {
+  for_each_number(*guest::HydroScene::descriptor(), [&](const google::protobuf::FieldDescriptor& field) {
     SCOPED_TRACE(field.full_name());
     const v1::Rule& rule = scene::rule_of(field);
     const bool has_unit = rule.unit() != "1";
