@@ -154,8 +154,8 @@ void carry_out(const Options& options, SceneFile& file) {
                {.address = options.server, .state_dir = {}});
   if (options.check) {
     profile_record(scene, problem.columns, *law);
-    fmt::print("{}: in order; {} column{}, {} steps of {:.6g} ns, interface law {}\n", file.document.file,
-               problem.columns, problem.columns == 1 ? "" : "s", problem.steps, problem.dt * 1e9,
+    fmt::print("{}: in order; {}, {} of {:.6g} ns, interface law {}\n", file.document.file,
+               wire::counted(problem.columns, "column"), wire::counted(problem.steps, "step"), problem.dt * 1e9,
                name(scene.hydro().interface_law()));
     return;
   }

@@ -48,6 +48,7 @@ namespace {
 using shearbus::server::Server;
 using shearbus::server::ServerOptions;
 using shearbus::server::ServiceManager;
+using shearbus::wire::counted;
 
 constexpr int kExitFault = 1;
 constexpr int kExitSessionsOpen = 3;  // an operator's drain ran out of time
@@ -328,15 +329,15 @@ int run(const ServerOptions& options) {
     manager.ready(fmt::format("listening on {}", fmt::join(options.endpoints, ", ")));
     server.run(stop_fd, &manager);
     const auto status = server.status();
-    spdlog::info(
-        "stopping: {} requests ({} refused, {} repeated), {} node-steps, {} sessions were open, {} answers "
-        "undeliverable",
-        status.requests, status.refused, status.replayed, status.node_steps, status.sessions,
-        server.transport().peer_gone + server.transport().peer_full);
+    spdlog::info("stopping: {} ({} refused, {} repeated), {}, {} open, {} undeliverable",
+                 counted(status.requests, "request"), status.refused, status.replayed,
+                 counted(status.node_steps, "node-step"), counted(status.sessions, "session"),
+                 counted(server.transport().peer_gone + server.transport().peer_full, "answer"));
     sessions_open = server.ended_with_sessions();
     if (sessions_open)
-      spdlog::warn("the time that an operator gave the sessions is over; {} are open{}", status.sessions,
-                   options.state_dir.empty() ? " and are lost" : ", and continue with the next server");
+      spdlog::warn("the time that an operator gave the sessions is over; {} open{}",
+                   counted(status.sessions, "session"),
+                   options.state_dir.empty() ? ": lost" : ", to continue with the next server");
   }
   spdlog::info("stopped");
   ::close(stop_fd);

@@ -19,7 +19,10 @@ Status& make_printable(Status& status) {
 std::string describe(const Status& status) {
   std::string line = fmt::format("{}: {}", name(status.code), status.text);
   if (!status.node_ids.empty()) line += fmt::format(" [nodes {}]", fmt::join(status.node_ids, ", "));
-  if (!status.remedy.empty()) line += (line.ends_with('.') ? " " : ". ") + status.remedy;
+  if (!status.remedy.empty()) {
+    const bool goes_on = status.remedy.front() >= 'a' && status.remedy.front() <= 'z';
+    line += (line.ends_with('.') || line.ends_with('?') ? " " : goes_on ? "; " : ". ") + status.remedy;
+  }
   return line;
 }
 

@@ -22,6 +22,11 @@ constexpr bool is_ascii_alphanumeric(char c) {
 // The present time in UTC, to a second, by ISO 8601: "2026-01-31T12:00:00Z".
 std::string utc_now();
 
+// A number of things, "1 node" or "3 nodes".
+inline std::string counted(std::uint64_t count, std::string_view noun) {
+  return std::to_string(count).append(" ").append(noun).append(count == 1 ? "" : "s");
+}
+
 // The hexadecimal digits of bytes: two of each, small letters.
 std::string hexadecimal(std::span<const std::uint8_t> bytes);
 

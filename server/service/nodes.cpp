@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "proto/wire/limits.hpp"
+#include "proto/wire/text.hpp"
 #include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
 #include "server/service/service.hpp"
@@ -318,8 +319,8 @@ void Service::forget_transfers_of(const Domain& domain) {
   std::erase_if(transfers_, [&](const auto& entry) {
     const store::TransferImage& transfer = *entry.second;
     if (Domain{transfer.identity, transfer.domain} != domain) return false;
-    log(fmt::format("WARNING: domain {} ends: {} nodes that session {} offered are gone", printable(transfer.domain),
-                    transfer.node_ids.size(), short_name(transfer.giver)));
+    log(fmt::format("WARNING: domain {} ends with {} that session {} offered", printable(transfer.domain),
+                    wire::counted(transfer.node_ids.size(), "node"), short_name(transfer.giver)));
     metrics_.nodes -= transfer.node_ids.size();
     metrics_.state_bytes -= kept_bytes(transfer.states);
     return true;

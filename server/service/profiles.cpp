@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "proto/wire/text.hpp"
 #include "server/service/member.hpp"
 #include "server/service/service.hpp"
 #include "server/service/validate.hpp"
@@ -82,9 +83,9 @@ Service::ReplyPtr Service::read_profiles(const wire::ReadProfiles& /*asked*/, Ar
   const std::size_t vertices = model.profile_grid().position.size();
   if (const std::size_t most = wire::kMaxRowsPerMessage / vertices; rows.slots.size() > most)
     refuse(Code::kLimit, wire::name(Field::kNodeId),
-           fmt::format("profiles of {} nodes with {} vertices each; a message has at most {} rows", rows.slots.size(),
-                       vertices, wire::kMaxRowsPerMessage),
-           fmt::format("Ask for at most {} nodes at once.", most));
+           fmt::format("profiles of {} with {} vertices each; a message has at most {} rows",
+                       wire::counted(rows.slots.size(), "node"), vertices, wire::kMaxRowsPerMessage),
+           fmt::format("Ask for at most {} at once.", wire::counted(most, "node")));
   aside(rows.slots.size() * vertices * kBytesPerVertex, [&] { profiles_of(request.batch, rows, shard, reply->batch); });
   reply->body =
       wire::Profiles{.nodes = rows.slots.size(), .vertices = vertices, .state_version = shard.state_version()};

@@ -11,6 +11,7 @@
 
 #include "proto/wire/codec.hpp"
 #include "proto/wire/columns.hpp"
+#include "proto/wire/text.hpp"
 #include "server/service/columns.hpp"
 #include "server/service/member.hpp"
 #include "server/service/scene_model.hpp"
@@ -130,9 +131,9 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, Arrival& 
   member->conversation.complete(0, arrival.hash, reply);
   const shard::Shard& shard = *member->shard;
   const std::string line =
-      fmt::format("session {} opened by {}: \"{}\"{}{}, {} nodes, {} B each", short_name(open.session_id),
-                  member->identity, printable(member->scene_name), open.domain.empty() ? "" : ", domain ",
-                  printable(open.domain), shard.nodes().size(), body.bytes_per_node);
+      fmt::format("session {} opened by {}: \"{}\"{}{}, {}, {} B each", short_name(open.session_id), member->identity,
+                  printable(member->scene_name), open.domain.empty() ? "" : ", domain ", printable(open.domain),
+                  wire::counted(shard.nodes().size(), "node"), body.bytes_per_node);
   const std::uint64_t state_bytes = shard.state_bytes();
   Members made_member;
   made_member.emplace(open.session_id, std::move(member));
@@ -297,9 +298,9 @@ void Service::close_session(Member& member, const wire::CloseSession& close, con
                                    .node_steps = member.node_steps,
                                    .solver_ns = member.solver_ns,
                                    .asleep_node_steps = member.asleep_node_steps};
-  log(fmt::format("session {} closed{}{}: {} requests, {} node-steps, {:.3f} s in the layers", short_name(member.id),
-                  close.reason.empty() ? "" : ", ", printable(close.reason), totals.requests, totals.node_steps,
-                  1e-9 * static_cast<double>(totals.solver_ns)));
+  log(fmt::format("session {} closed{}{}: {}, {}, {:.3f} s in the layers", short_name(member.id),
+                  close.reason.empty() ? "" : ", ", printable(close.reason), wire::counted(totals.requests, "request"),
+                  wire::counted(totals.node_steps, "node-step"), 1e-9 * static_cast<double>(totals.solver_ns)));
   std::deque<wire::SessionId>& closed = closed_[member.identity];
   closed.push_back(member.id);
   member.closed_because = std::move(because);

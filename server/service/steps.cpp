@@ -14,6 +14,7 @@
 
 #include "proto/wire/columns.hpp"
 #include "proto/wire/status.hpp"
+#include "proto/wire/text.hpp"
 #include "server/service/columns.hpp"
 #include "server/service/member.hpp"
 #include "server/service/service.hpp"
@@ -327,10 +328,10 @@ void Service::report(const shard::Shard& shard, const RunningStep& running,
   }
   if (count.over_budget == 0) return;
   upscale.warnings.push_back(fmt::format(
-      "outcome: {} nodes needed more than the scene's work_budget of {:g} evaluations in this step and keep "
-      "their states (outcome 144). Take a shorter step or a larger tolerance, or open the session with a "
+      "outcome: {} needed more than the scene's work_budget of {:g} evaluations in this step, with states unchanged "
+      "(outcome 144). Take a shorter step or a larger tolerance, or open the session with a "
       "larger work_budget; this server grants up to {:g}",
-      count.over_budget, shard.model().options().work_budget, options_.max_work_budget));
+      wire::counted(count.over_budget, "node"), shard.model().options().work_budget, options_.max_work_budget));
 } catch (const std::exception&) {
 }
 

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "proto/wire/text.hpp"
 #include "server/service/member.hpp"
 #include "server/service/service.hpp"
 #include "server/service/validate.hpp"
@@ -52,15 +53,15 @@ void Service::check_memory(std::uint64_t wanted, std::size_t nodes, const Caller
   const std::uint64_t used = caller.is_operator || replaying_ ? 0 : usage_of(owner).state_bytes;
   if (!caller.is_operator && !replaying_ && (used > most || wanted > most - used))
     refuse(Code::kLimit, "",
-           fmt::format("the states of {} nodes need {} MB; {} has {} MB in use, and the quota of a user "
+           fmt::format("the states of {} need {} MB; {} has {} MB in use, and the quota of a user "
                        "is {} MB",
-                       nodes, wanted >> 20, owner, used >> 20, most >> 20),
+                       wire::counted(nodes, "node"), wanted >> 20, owner, used >> 20, most >> 20),
            "Use a graded grid with fewer cells, close sessions, or ask the operator of the server for "
            "a larger --memory-per-user-mb.");
   if (metrics_.state_bytes > all || wanted > all - metrics_.state_bytes)
     refuse(Code::kLimit, "",
-           fmt::format("the states of {} nodes need {} MB; {} of {} MB are in use", nodes, wanted >> 20,
-                       metrics_.state_bytes >> 20, all >> 20),
+           fmt::format("the states of {} need {} MB; {} of {} MB are in use", wire::counted(nodes, "node"),
+                       wanted >> 20, metrics_.state_bytes >> 20, all >> 20),
            "Use a graded grid with fewer cells, close sessions, or give the server more memory.");
 }
 

@@ -460,7 +460,7 @@ void check_layer_masses(double dt, const wire::Batch& batch, const shard::Rows& 
     const bool of_soft = !(soft[row] > least.soft);
     field = of_soft ? Field::kMassSoft : Field::kMassHard;
     first =
-        fmt::format("{} of node {} is {}; expected above {} kg/m2, {}", wire::name(field), nodes.front(),
+        fmt::format("{} of node {} is {:.6g}; expected above {:.6g} kg/m2, {}", wire::name(field), nodes.front(),
                     of_soft ? soft[row] : hard[row], of_soft ? least.soft : least.hard,
                     of_soft ? "the mass of the layer (density times layer.thickness_m), which with layer.inertia is "
                               "taken from that of the half zone, and a little more that a step of dt_s can move"

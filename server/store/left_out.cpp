@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "proto/wire/text.hpp"
 #include "server/store/checkpoint.hpp"
 
 namespace shearbus::store {
@@ -110,8 +111,9 @@ std::string LeftOut::set_aside(Storage& storage, const StoreId& store) const {
     files += (files.empty() ? "" : " and ") + name;
   }
   storage.sync_directory();
-  return fmt::format("dropped: {} sessions of the checkpoint and {} requests of the journal are set aside in {}",
-                     sessions_.sessions.size(), records_.size(), files);
+  return fmt::format("dropped: {} of the checkpoint and {} of the journal, set aside in {}",
+                     wire::counted(sessions_.sessions.size(), "session"), wire::counted(records_.size(), "request"),
+                     files);
 }
 
 }  // namespace shearbus::store

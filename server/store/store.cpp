@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "proto/files/record_file.hpp"
+#include "proto/wire/text.hpp"
 #include "server/store/checkpoint.hpp"
 
 namespace shearbus::store {
@@ -231,7 +232,8 @@ Store::Restored Store::restore_newest(const Found& found, Recovery& recovery) {
     refuse_other_states(found, checkpoint_name(checkpoints_.back().number) + ": " + fault.what());
     throw;
   }
-  log(fmt::format("restored {}: {} sessions", checkpoint_name(checkpoints_.back().number), newest->sessions.size()));
+  log(fmt::format("restored {}: {}", checkpoint_name(checkpoints_.back().number),
+                  wire::counted(newest->sessions.size(), "session")));
   restored.next_index = newest->next_index;
   return restored;
 }
@@ -351,7 +353,7 @@ bool Store::replay_segments(const Found& found, const Restored& restored, Recove
     if (options_.durability == Durability::kPower) storage_.sync(file);
   }
   changed_ = counters_.replayed != 0;
-  if (changed_) log(fmt::format("replayed {} requests from the journal", counters_.replayed));
+  if (changed_) log(fmt::format("replayed {} from the journal", wire::counted(counters_.replayed, "request")));
   if (missed.cause) std::rethrow_exception(missed.cause);
   if (segments_.empty() && checkpoints_.empty() && restored.unread) std::rethrow_exception(restored.unread);
   if (segments_.empty() && checkpoints_.empty() && !restored.faults.empty())
