@@ -61,7 +61,7 @@ std::map<std::string, std::string> meta_of(const guest::HydroScene& effective, c
                                              {"scene", scene::to_toml(effective)},
                                              {"scene_name", effective.scene().name()},
                                              {"interface_law", name(effective.hydro().interface_law())}};
-  for (const char* key : {"commit", "machine", "command"}) meta.emplace(key, server::value_of(provenance, key));
+  for (const char* key : {"commit", "date", "machine", "command"}) meta.emplace(key, server::value_of(provenance, key));
   return meta;
 }
 

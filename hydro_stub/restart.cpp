@@ -6,6 +6,9 @@
 #include <fstream>
 #include <vector>
 
+#include "proto/files/fields.hpp"
+#include "proto/files/recording.hpp"
+#include "proto/files/whole_file.hpp"
 #include "proto/wire/status.hpp"
 
 namespace shearbus::hydro {
@@ -26,6 +29,19 @@ std::vector<fs::path> dumps_of(const fs::path& run) {
   std::ranges::sort(found, std::greater());
   return found;
 }
+
+bool is_own_history(const fs::path& file) try {
+  return files::HistoryReader(file).meta("producer").value_or("").starts_with("shearbus-hydro ");
+} catch (const wire::Error&) {
+  return false;
+}
+
+bool is_picture(const fs::path& file) {
+  return files::head_of(file, 8) == "\x89PNG\r\n\x1a\n";
+}
+
+constexpr files::FileKind kOwnHistory = {"a history of shearbus-hydro", is_own_history};
+constexpr files::FileKind kPicture = {"a picture (PNG)", is_picture};
 
 fs::path end_note(const fs::path& run) {
   return restart_directory(run) / "ended";
@@ -70,6 +86,19 @@ void make_room_for_dumps(const fs::path& run) {
                      .text = fmt::format("{} holds restart dumps of a run that was stopped", run.string()),
                      .remedy = fmt::format("Go on with it (--restart {}), remove {}, or write elsewhere (--out).",
                                            run.string(), restart_directory(run).string())});
+}
+
+void remove_results(const fs::path& run) {
+  std::vector<std::pair<fs::path, files::FileKind>> results = {{run / "summary.json", files::kSummaryFile}};
+  for (const char* history : {"history.h5", "interface.h5", "free_surface.h5"})
+    results.emplace_back(run / history, kOwnHistory);
+  for (const char* picture :
+       {"histories", "regimes", "cone_temperature", "cone_displacement", "cone_free_surface", "cone_regime",
+        "cone_interface_temperature", "cone_sliding_velocity", "cone_shear_stress", "cone_pressure"})
+    results.emplace_back(run / (std::string(picture) + ".png"), kPicture);
+  for (const auto& [file, kind] : results) files::check_output(file, kind);
+  for (const auto& [file, kind] : results) fs::remove(file);
+  files::remove_fields(run / "fields.xmf");
 }
 
 bool RestartDumps::due(std::uint64_t steps) const {

@@ -41,6 +41,10 @@ bool has_ended(const std::filesystem::path& run);
 // Prepares the directory of a new run for its dumps. Throws wire::Error if dumps of a stopped run are there.
 void make_room_for_dumps(const std::filesystem::path& run);
 
+// Removes the results of a former run, of one or two dimensions: first the summary, without which no results look whole.
+// Throws wire::Error, and then removes nothing, if one of their names is that of another file.
+void remove_results(const std::filesystem::path& run);
+
 class RestartDumps {
  public:
   RestartDumps(std::filesystem::path run, const DumpSchedule& schedule) : run_(std::move(run)), schedule_(schedule) {}

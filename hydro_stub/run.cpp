@@ -7,6 +7,7 @@
 #include "hydro_stub/coulomb_tresca_law.hpp"
 #include "hydro_stub/history.hpp"
 #include "hydro_stub/profiles.hpp"
+#include "hydro_stub/restart.hpp"
 #include "hydro_stub/shear_column.hpp"
 #include "hydro_stub/simple_laws.hpp"
 #include "hydro_stub/summary.hpp"
@@ -63,6 +64,7 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
          const std::filesystem::path& out, const server::Entries& provenance, bool progress) {
   using Clock = std::chrono::steady_clock;
   ShearColumn column(problem);
+  remove_results(out);
   History history(out / "history.h5", problem, column, meta_of(scene, provenance));
   files::ProfileRecord profiles = profile_record(scene, problem.columns, law);
   Summary summary(problem, name(scene.hydro().interface_law()), provenance);

@@ -281,6 +281,7 @@ void choose_threads() {
 void run_problem2d(const SceneFile& file, const guest::HydroScene& effective, Problem2d problem, InterfaceLaw& law,
                    const RunOptions& options, const files::DumpReader* from) {
   std::filesystem::create_directories(options.out);
+  if (from == nullptr) remove_results(options.out);
   program::stop_at_next_step();
   Run(file, effective, std::move(problem), law, options, from).to_the_end();
 }

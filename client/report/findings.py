@@ -17,7 +17,7 @@ def number(value, digits=3):
 
 def verdicts(run):
     """Returns (text, "good" or "look") of what a reader wants to know first."""
-    found = []
+    found = [("incomplete: the run did not reach its end", "look")] if run.incomplete else []
     for key, what in (("energy_residual", "energy"), ("momentum_residual", "momentum")):
         if key in run.summary:
             residual = abs(run.summary[key])

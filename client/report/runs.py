@@ -2,6 +2,7 @@
 dimensions, or for a file of results. Whatever is missing in a run is None or empty; a file that is no result raises
 Fault with the reason."""
 import contextlib
+import itertools
 import os
 import pathlib
 import resource
@@ -184,7 +185,7 @@ class Run:
     """One run. Times in µs, everything else in SI.
 
     path, law, label, colour: where it is, the name of its interface law, how pictures call and draw it. scene, scene_text: effective
-    scene. summary: summary.json. provenance: facts for a footer. table: {name: [T, N] array} of the interface, or
+    scene. summary: summary.json. incomplete: whether a directory has none, because the run did not reach its end. provenance: facts for a footer. table: {name: [T, N] array} of the interface, or
     None; time [T]; nodes [N] ids; place [N]: z or r (place_name) of each node at the start (m) in two dimensions,
     else None. fields: directory of the frames, or None. surface: time (µs) and axial velocity [T, N] of the free surface, from
     the axis outwards, or None."""
@@ -221,8 +222,11 @@ class Run:
             if (path / "free_surface.h5").is_file():
                 with h5py.File(path / "free_surface.h5") as file:
                     self.surface = (file["time"][:] * 1e6, file["axial_velocity"][:][:, np.argsort(file["radius"][0], kind="stable")])
+        self.incomplete = path.is_dir() and not self.summary
         meta = self.table["meta"] if self.table else {}
         self.scene_text = self.table["scene"] if self.table else self._scene_of_mesh()
+        if path.is_dir():
+            self._check_origin(history.name)
         self.scene = scene_of(self.scene_text)
         self.law = meta.get("interface_law") or self.summary.get("interface_law") or "subgrid"
         self.label, self.colour = law_label(self.law), law_colour(self.law)
@@ -234,6 +238,24 @@ class Run:
             if "height" in self.table:  # along the axis that the interface follows
                 self.place_name, name = ("z", "height") if np.ptp(self.table["height"][0]) >= np.ptp(self.table["radius"][0]) else ("r", "radius")
                 self.place = self.table[name][0]
+
+    def _check_origin(self, history):
+        """Raises Fault unless all files of the directory are of one run."""
+        others = [name for name in (("history.h5",) if self.two_dimensions else ("interface.h5", "free_surface.h5")) if (self.path / name).is_file()]
+        if others:
+            raise Fault(f"{self.path}: expected the files of one run, found {'fields.xmf' if self.two_dimensions else history} and {others[0]}, which is of a run of another kind; move the files of one of them elsewhere")
+        known = {history: {**self.table["meta"], "scene": self.scene_text}} if self.table else {}
+        if self.two_dimensions:
+            known["fields"] = {"scene": self._scene_of_mesh()}
+            if (self.path / "free_surface.h5").is_file():
+                with h5py.File(self.path / "free_surface.h5") as file:
+                    known["free_surface.h5"], _ = meta_of(file)
+        known["summary.json"] = {**self.summary.get("provenance", {}), "scene": self.scene_text, "interface_law": self.summary.get("interface_law")}
+        for (one, ours), (other, theirs) in itertools.combinations(known.items(), 2):
+            for key in ("interface_law", "scene", "date", "command", "commit"):
+                if ours.get(key) and theirs.get(key) and ours[key] != theirs[key]:
+                    values = f": {ours[key]} and {theirs[key]}" if key != "scene" else ""
+                    raise Fault(f"{self.path}: expected the files of one run, found another {key} in {one} than in {other}{values}; run the scene again")
 
     def _scene_of_mesh(self):
         with h5py.File(self.fields / "mesh.h5") as file:

@@ -225,7 +225,7 @@ def cone_fields(runs):
         hidden += " Hot zones on the axis, and at the edge of the face that the flyer has hit, are heated by the waves that meet there: with free slip, without any friction, they are as hot."
     if interfaces:
         found.append({"title": "while the bodies touch", "text": f"Temperature of the zones, {' and '.join(run.label for run in shown)}.", "panels": film(shown)})
-    found.append({"title": "final state", "text": f"{' and '.join(run.label for run in shown)}.{hidden}", "panels": panels})
+    found.append({"title": "last state written" if any(run.incomplete for run in shown) else "final state", "text": f"{' and '.join(run.label for run in shown)}.{hidden}", "panels": panels})
     for name in plot_cone.MAPS if interfaces else ():
         shares = [f"{run.label}: {100 * run.summary['slip_share_coulomb']:.0f} % of the slip is Coulomb" for run in interfaces if "slip_share_coulomb" in run.summary]
         unit = style.QUANTITIES[name][0].split("(")[1].rstrip(")") if name != "regime" else ""

@@ -32,7 +32,24 @@ std::string frame_name(std::size_t number) {
   return fmt::format("{:05}.h5", number);
 }
 
+// Whether a file of the directory is a frame or the mesh, or was to become one.
+bool is_frame(const std::string& name) {
+  const std::size_t word = name.find(".h5");
+  return name.starts_with("mesh.h5") ||
+         (word == frame_name(0).find('.') && name.find_first_not_of("0123456789") == word);
+}
+
 }  // namespace
+
+void remove_fields(const std::filesystem::path& sidecar) {
+  std::filesystem::path directory = sidecar;
+  directory.replace_extension();
+  std::error_code none;
+  for (const std::filesystem::directory_entry& entry : std::filesystem::directory_iterator(directory, none))
+    if (is_frame(entry.path().filename().string())) std::filesystem::remove(entry.path());
+  std::filesystem::remove(directory, none);  // unless it has files of others
+  if (is_sidecar(sidecar)) std::filesystem::remove(sidecar);
+}
 
 struct FieldWriter::Impl {
   std::filesystem::path sidecar;
@@ -91,10 +108,7 @@ FieldWriter::FieldWriter(std::filesystem::path sidecar, std::span<const std::int
       refuse(file, fmt::format("the frame at {} s is missing", w.times[frame]),
              "The run's directory has been changed.");
   }
-  if (w.times.empty()) {
-    std::filesystem::remove(w.sidecar);
-    std::filesystem::remove_all(w.directory);
-  }
+  if (w.times.empty()) remove_fields(w.sidecar);
   std::filesystem::create_directories(w.directory);
   OutputHdf5 mesh(w.directory / "mesh.h5", kHdf5File);
   in_file(mesh.file(), [&] {

@@ -63,10 +63,10 @@ class HydroTest(served.Served):
         values["text"] = run.stdout
         return values
 
-    def assert_refused(self, *texts, arguments=(), code=1, scene=None):
+    def assert_refused(self, *texts, arguments=(), code=1, scene=None, left=False):
         said = self.refused(OPTIONS.hydro, scene or self.scene, "--out", self.out, "--no-plot", *arguments, code=code, said=texts)
         self.assertNotIn("terminate called", said)
-        self.assertFalse((self.out / "history.h5").exists())
+        self.assertEqual((self.out / "history.h5").exists(), left)
         self.assertEqual(list(self.out.glob("*.partial")), [])
 
     def edited(self, old, new):
@@ -107,6 +107,29 @@ class Results(HydroTest):
                          {"producer": "shearbus-hydro " + origin["version"], **{key: origin[key] for key in ("commit", "machine", "command")}})
         self.assertIn("free slip 100.0 %", values["text"])  # and not Coulomb
         self.assertNotIn("coulomb", values["summary"]["node_step_share"])
+
+    def test_a_run_removes_what_the_one_before_left(self):
+        cone = served.edited(PROBLEMS / "cone_al_steel_coarse.toml", self.path / "cone.toml", zone_width_m=1.25e-3, end_time_s=5e-6)
+        files = lambda: {str(p.relative_to(self.out)) for p in self.out.rglob("*") if p.is_file() and p.name != ".lock"}
+        self.assertEqual(self.hydro(scene=cone).returncode, 0)
+        self.assertTrue({"cone_regime.png", "cone_pressure.png", "fields/00000.h5", "fields.xmf", "interface.h5", "free_surface.h5"} <= files())
+        others = {"notes.txt", "fields/notes.txt"}
+        for name in others:
+            (self.out / name).write_text("mine")
+        self.run_well()
+        self.assertEqual(files(), others | {"history.h5", "summary.json"})
+        # A run that is killed leaves no summary of the one before; one that cannot begin leaves all.
+        self.assert_refused("UNREACHABLE", arguments=("--server", f"ipc://{self.path}/nobody"), left=True)
+        victim = served.program(self, OPTIONS.hydro, cone, "--out", self.out, "--no-plot")
+        served.until(self, (self.out / "fields.xmf").exists, victim)
+        victim.kill()
+        victim.wait()
+        self.assertEqual({name for name in files() if not name.startswith("fields")}, {"notes.txt"})
+        with h5py.File(self.out / "interface.h5", "w") as file:
+            file["mine"] = 1.0
+        before = files()
+        self.assertIn("interface.h5: is there and is not a history of shearbus-hydro", self.hydro("--no-plot").stderr)
+        self.assertEqual(files(), before)
 
     def test_many_columns_get_a_map_of_regimes(self):
         self.edited("[10.0, 50.0, 100.0, -100.0, 400.0]", str([10.0 * k for k in range(1, 11)]))

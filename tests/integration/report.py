@@ -371,6 +371,10 @@ class Report(unittest.TestCase):
         pipe = self.path / "pipe"
         pipe.mkdir()
         os.mkfifo(pipe / "figures.json")
+        both, laws, surfaces = (self.path / name for name in ("both", "laws", "surfaces"))
+        for made, file in ((both, self.column / "history.h5"), (laws, self.cones[1] / "summary.json"), (surfaces, self.cones[1] / "free_surface.h5")):
+            shutil.copytree(self.cones[0], made)
+            shutil.copy(file, made)
         out = self.path / "no.html"
         damaged = self.path / "damaged.h5"
         with h5py.File(damaged, "w") as file:
@@ -383,7 +387,8 @@ class Report(unittest.TestCase):
         content[content.index(b"GCOL") + 50] ^= 0xff  # of the size of the second text
         damaged.write_bytes(content)
         for runs, text in (([damaged], "HDF5 does not survive its texts"), ([self.path / "gone"], "no such run"), ([empty], "neither fields.xmf nor history.h5"), ([self.path / "cone.toml"], "cannot be read"),
-                           ([self.path / "history.h5"], "no dataset"), ([broken], "interface.h5"), ([bad_summary], "summary.json"), ([deep], "nested too deep"),
+                           ([self.path / "history.h5"], "no dataset"), ([broken], "interface.h5"), ([both], "found fields.xmf and history.h5"),
+                           ([laws], "found another interface_law in interface.h5 than in summary.json: subgrid and coulomb_tresca"), ([surfaces], "in interface.h5 than in free_surface.h5"), ([bad_summary], "summary.json"), ([deep], "nested too deep"),
                            ([self.column, "--figures", elsewhere], "in the same directory"), ([self.column, "--figures", piped], "in the same directory"),
                            ([self.column, "--figures", pipe], "no regular file"),
                            ([self.column, "--figures", empty], "figures.json")):
@@ -395,6 +400,15 @@ class Report(unittest.TestCase):
         self.assertIn("gone", self.refused(self.column, "-o", empty / "gone" / "x.html"))
         run(OPTIONS.report, self.path / "gone", "-o", out, code=1)
         run(OPTIONS.report, code=2)
+
+    def test_a_run_that_was_stopped_is_incomplete(self):
+        stopped = self.path / "stopped"
+        shutil.copytree(self.cones[0], stopped, ignore=shutil.ignore_patterns("*.json", "interface.h5", "free_surface.h5"))
+        self.assertEqual(self.program(stopped, "-o", self.path / "stopped.html"), 0)
+        page = (self.path / "stopped.html").read_text()
+        for text in ("incomplete: the run did not reach its end", "last state written"):
+            self.assertIn(text, page)
+            self.assertNotIn(text, self.reports["one"].read_text() + self.reports["replay"].read_text())
 
     def test_a_report_without_a_name_is_put_into_its_first_run(self):
         run(OPTIONS.report, self.column)
