@@ -2,7 +2,9 @@
 have the rule of all programs (proto/wire/numbers.hpp); texts of strangers (names in files, names of files) are without
 commands to the terminal; a file is regular, and what it nests has an end."""
 import argparse
+import atexit
 import contextlib
+import errno
 import json
 import math
 import os
@@ -49,8 +51,28 @@ def end_with(main, *faults):
     try:
         sys.exit(main())
     except faults as fault:
+        if is_of_output(fault):
+            end_unwritten(fault)
         complain(os.path.basename(sys.argv[0]), fault)
         sys.exit(1)
+
+
+def flush():
+    """Ends the program in one line, with exit code 1, if what it printed cannot be written."""
+    try:
+        sys.stdout.flush()
+    except OSError as fault:
+        end_unwritten(fault)
+
+
+def is_of_output(fault):
+    """Whether what was printed could not be written: the standard output is full or has no reader."""
+    return isinstance(fault, OSError) and fault.filename is None and fault.errno in (errno.EPIPE, errno.ENOSPC, errno.EFBIG)
+
+
+def end_unwritten(fault):
+    complain(os.path.basename(sys.argv[0]), f"standard output could not be written: {fault.strerror}")
+    os._exit(1)  # Python would try once more, and say so
 
 
 def end_by_signals():
@@ -87,9 +109,12 @@ def nothing_to_clean_up():
 
 
 def tell_fault(kind, fault, trace):
-    """In place of sys.excepthook: an interrupt gets one line. Python then exits by the signal."""
+    """In place of sys.excepthook: an interrupt gets one line, after which Python exits by the signal, and so does a
+    standard output that is full or has no reader."""
     if issubclass(kind, KeyboardInterrupt):
         say_interrupted()
+    elif is_of_output(fault):
+        end_unwritten(fault)
     else:
         sys.__excepthook__(kind, fault, trace)
 
@@ -173,6 +198,7 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **options):
         sys.excepthook = tell_fault
+        atexit.register(flush)
         super().__init__(**{"formatter_class": Help, "allow_abbrev": False, **options})
 
     def parse_args(self, *arguments, **options):

@@ -410,6 +410,18 @@ class Report(unittest.TestCase):
             self.assertIn(text, page)
             self.assertNotIn(text, self.reports["one"].read_text() + self.reports["replay"].read_text())
 
+    def test_an_output_that_nobody_reads_gets_one_line(self):
+        plot = [sys.executable, OPTIONS.source / "client/report/plot_histories.py"]
+        for command in ([OPTIONS.report, "--help"], [OPTIONS.report, "--version"], [*plot, "--help"], [OPTIONS.report, self.column, "-o", self.path / "told.html"],
+                        [*plot, self.column, "--out", self.path / "told"]):
+            read, write = os.pipe()
+            os.close(read)
+            for out in (write, os.open("/dev/full", os.O_WRONLY)):
+                done = subprocess.run(list(map(str, command)), stdout=out, stderr=subprocess.PIPE, text=True, timeout=100)
+                os.close(out)
+                self.assertEqual((done.returncode, done.stderr.count("\n")), (1, 1), done.stderr)
+                self.assertIn(": standard output could not be written: ", done.stderr)
+
     def test_a_report_without_a_name_is_put_into_its_first_run(self):
         run(OPTIONS.report, self.column)
         (self.column / "report.html").unlink()  # fails if it is not there
