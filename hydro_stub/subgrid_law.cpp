@@ -9,13 +9,24 @@
 #include <thread>
 
 #include "client/src/program_door.hpp"
+#include "hydro_stub/restart.hpp"
+#include "proto/program/interrupt.hpp"
 #include "server/explain.hpp"
 
 namespace shearbus::hydro {
 namespace {
 
-// opened: whether the session is open; until then make_law() tells the doubts about the scene.
-Options session_options(const SubgridServer& server, const std::shared_ptr<const bool>& opened) {
+using Clock = std::chrono::steady_clock;
+
+// Longest wait for the server of a run that is to stop: what it needs to end a step and to save its state.
+constexpr std::chrono::seconds kLastWait{2};
+
+struct Calls {
+  bool opened = false;      // whether the session is open; until then make_law() tells the doubts about the scene
+  Clock::time_point begun;  // start of the last call in the run
+};
+
+Options session_options(const SubgridServer& server, const std::shared_ptr<const Calls>& calls) {
   Options options;
   options.name = "shearbus-hydro";
   options.endpoint = server.address.endpoint;
@@ -23,8 +34,9 @@ Options session_options(const SubgridServer& server, const std::shared_ptr<const
   options.secret_key_file = server.address.secret_key_file;
   options.check_closure = server.check_closure ? SHEARBUS_CHECK_WARN : SHEARBUS_CHECK_OFF;
   options.ignore_environment = true;  // the command line decides
-  options.log = [opened](const std::string& line) {
-    if (*opened || !is_about_opening(line)) fmt::print(stderr, "shearbus: {}\n", line);
+  options.interrupted = [calls] { return program::interrupted() && Clock::now() - calls->begun > kLastWait; };
+  options.log = [calls](const std::string& line) {
+    if (calls->opened || !is_about_opening(line)) fmt::print(stderr, "shearbus: {}\n", line);
   };
   if (server.address.endpoint.empty()) {
     options.state_dir = server.state_dir.string();
@@ -83,23 +95,38 @@ bool contains(const std::vector<std::uint32_t>& columns, std::uint32_t column) {
 }  // namespace
 
 struct SubgridLaw::Impl {
-  // Calls what asks the service in the middle of the run. A request that the server has no room to keep ends the run, so
-  // that the remedy is another than for a host that asks again.
+  // Calls what asks the service in the middle of the run. What the server refuses ends the run, so that the remedy is
+  // another than for a host that asks again.
   template <typename Ask>
   auto asking_in_run(const Ask& ask) {
+    calls->begun = Clock::now();
     try {
       return asking(ask);
     } catch (const wire::Error& fault) {
+      if (asked == nullptr) throw;
       wire::Status status = fault.status();
-      if (status.code != wire::Code::kNoSpace) throw;
-      status.remedy = "This run has ended. Make room in the server's state directory; then ";
-      status.remedy += kept ? "shearbus-hydro --restart goes on from the newest dump." : "start the run again.";
+      const std::string where = fmt::format("in step {}, to {:.6g} s", asked->step, asked->time);
+      const char* const next = kept ? "shearbus-hydro --restart goes on from the newest dump" : "start the run again";
+      status.text = where + ": " + status.text;
+      if (status.code == wire::Code::kNoSpace) {
+        status.remedy = fmt::format("This run has ended. Make room in the server's state directory; then {}.", next);
+      } else if (status.code == wire::Code::kUnreachable || status.code == wire::Code::kUnknownOutcome) {
+        const std::string stopped = fmt::format("interrupted {}, while the server did not answer; {}", where, next);
+        if (program::interrupted() && kept) throw Interrupted(stopped);
+        if (program::interrupted()) throw std::runtime_error(stopped);
+        status.remedy = fmt::format("This run has ended. Have the server run again; then {}.", next);
+      } else if (status.code == wire::Code::kInvalidValue) {
+        status.remedy =
+            "This run has ended. The load on the interface is beyond the range of the model: give the scene lower "
+            "speeds or pressures, or zones that are not crushed there.";
+      }
       throw wire::Error(status);
     }
   }
 
-  Impl(const SubgridServer& where, Session opened)
-      : session(std::move(opened)),
+  Impl(const SubgridServer& where, std::shared_ptr<Calls> calls_of_session, Session opened)
+      : calls(std::move(calls_of_session)),
+        session(std::move(opened)),
         node_ids(session.node_ids()),
         takes_plastic_strain_rate(
             contains(session.columns(SHEARBUS_OPTIONAL_INPUT), SHEARBUS_SOFT_PLASTIC_STRAIN_RATE)),
@@ -120,6 +147,7 @@ struct SubgridLaw::Impl {
     if (std::exchange(trial_stands, false)) session.commit();
   }
 
+  std::shared_ptr<Calls> calls;
   Session session;
   Ids node_ids;
   bool takes_plastic_strain_rate;
@@ -143,8 +171,8 @@ std::string explain(const SceneText& scene, std::size_t nodes) {
 SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> node_ids,
                        std::span<const double> initial_temperature, const SubgridServer& server,
                        std::span<const double> layer_thickness) {
-  const auto opened = std::make_shared<bool>(false);
-  Options options = session_options(server, opened);
+  const auto calls = std::make_shared<Calls>();
+  Options options = session_options(server, calls);
   options.scene_text = scene.text;
   options.scene_name = scene.file;
   Nodes nodes{.ids = {node_ids.begin(), node_ids.end()},
@@ -153,18 +181,18 @@ SubgridLaw::SubgridLaw(const SceneText& scene, std::span<const std::uint64_t> no
               .parameters = {}};
   if (!layer_thickness.empty())
     nodes.parameters = {{"layer.thickness_m", {layer_thickness.begin(), layer_thickness.end()}}};
-  impl_ = asking([&] { return std::make_unique<Impl>(server, Session::open_nodes(options, nodes)); });
-  *opened = true;
+  impl_ = asking([&] { return std::make_unique<Impl>(server, calls, Session::open_nodes(options, nodes)); });
+  calls->opened = true;
 }
 
 // Restores the layers from a mark (a named copy of their states in the server), then sets the same mark again. The
 // server keeps only the newest two marks: set again, this one is the newest, and the next mark does not replace it.
 SubgridLaw::SubgridLaw(const std::string& kept, const SubgridServer& server) {
   const Kept point = parse_kept(kept);
-  const auto opened = std::make_shared<bool>(false);
+  const auto calls = std::make_shared<Calls>();
   asking([&] {
-    impl_ = std::make_unique<Impl>(server, Session::resume(session_options(server, opened), point.ticket));
-    *opened = true;
+    impl_ = std::make_unique<Impl>(server, calls, Session::resume(session_options(server, calls), point.ticket));
+    calls->opened = true;
     impl_->kept = true;
     impl_->session.rollback_to(point.mark);
     impl_->session.mark(point.mark);
@@ -192,8 +220,8 @@ void SubgridLaw::start(const InterfaceInputs& in, InterfaceAnswer& answer) {
   step.out(SHEARBUS_FRICTION_HEAT, answer.friction_heat);
   step.out(SHEARBUS_REGIME, answer.regime).out(SHEARBUS_OUTCOME, impl_->outcome);
   for (auto& [term, values] : impl_->ledger) step.out(static_cast<std::uint32_t>(term), values);
-  impl_->asking_in_run([&] { impl_->session.start(step, SHEARBUS_TRIAL); });
   impl_->asked = &in;
+  impl_->asking_in_run([&] { impl_->session.start(step, SHEARBUS_TRIAL); });
   impl_->answer = &answer;
 }
 
@@ -232,12 +260,12 @@ const std::vector<std::string>& SubgridLaw::warnings() const {
   return impl_->warnings;
 }
 void SubgridLaw::take_back() {
-  asking([&] { impl_->session.rollback(); });
+  impl_->asking_in_run([&] { impl_->session.rollback(); });
   impl_->trial_stands = false;
 }
 wire::Batch SubgridLaw::profiles(std::span<const std::uint64_t> node_ids, std::span<const double> pressure_pa) {
   const Stopwatch stopwatch(impl_->time);
-  const Profiles found = asking([&] {
+  const Profiles found = impl_->asking_in_run([&] {
     impl_->commit();
     return impl_->session.profiles({node_ids.begin(), node_ids.end()}, {pressure_pa.begin(), pressure_pa.end()});
   });
@@ -261,7 +289,7 @@ std::string SubgridLaw::cannot_keep() const {
 }
 
 void SubgridLaw::close() {
-  asking([&] {
+  impl_->asking_in_run([&] {
     impl_->commit();
     impl_->totals = impl_->session.end();
   });

@@ -283,6 +283,15 @@ class BadInput(HydroTest):
                 place = self.edited(old, new)
                 self.assert_refused(*texts, *[place] * at_its_place)
 
+    def test_a_load_beyond_the_model_is_told_to_the_user_of_the_hydrocode(self):
+        for scene, key, value, quantity in (("cone_al_steel_coarse", "flyer_speed_m_per_s", 4000, "pressure_pa"),
+                                            ("two_half_spaces", "velocity_jump_m_per_s", "[1e5]", "velocity_jump_m_per_s")):
+            served.edited(PROBLEMS / f"{scene}.toml", self.scene, **{key: value})
+            run = self.hydro("--no-plot")
+            self.assertEqual(run.returncode, 1)
+            self.assertRegex(run.stderr, rf"INVALID_VALUE: in step \d+, to [\d.e-]+ s: {quantity} of node 0 is .*The load on the interface is beyond the range of the model")
+            self.assertNotIn("send the step again", run.stderr)
+
     def test_scene_without_a_problem(self):
         self.scene.write_text(SCENE[:SCENE.index("[hydro]")])
         self.assert_refused("[hydro]")

@@ -211,6 +211,31 @@ class Restart(served.Served):
         sessions = self.run_program(OPTIONS.ctl, "sessions", "--server", self.bus).stdout
         self.assertEqual(len(sessions.splitlines()), 1, sessions)  # the heading
 
+    def test_a_run_that_is_killed_as_it_removes_results_leaves_none_that_look_whole(self):
+        if subprocess.run(["strace", "-o", "/dev/null", "true"], check=False, capture_output=True).returncode != 0:
+            self.skipTest("strace is not installed or may not trace")
+        whole = self.undisturbed()
+        for name in ("interface.h5", "free_surface.h5", "fields/00000.h5", "fields.xmf"):
+            with self.subTest(name):
+                out = shutil.copytree(whole, self.path / name.replace("/", "-"))
+                killed = self.start("strace", "-f", "-o", "/dev/null", "-P", out / name, "-e", "inject=unlink,unlinkat:signal=KILL", OPTIONS.hydro, self.scene, "--out", out, "--no-plot")
+                printed, _ = killed.communicate(timeout=300)
+                self.assertEqual(killed.returncode, -signal.SIGKILL, printed)
+                self.assertFalse((out / "summary.json").exists())
+
+    def test_an_interrupt_ends_the_wait_for_a_server_that_is_gone(self):
+        served.edited(PROBLEMS / "cone_al_steel_coarse.toml", self.scene, zone_width_m=0.5e-3)
+        server = self.serve()
+        out, process = self.hydro("--server", self.bus)
+        self.wait_for_a_new_dump(out, process)
+        server.kill()
+        server.wait()
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        printed, _ = process.communicate(timeout=20)
+        self.assertEqual(process.returncode, 3, printed)
+        self.assertRegex(printed, r"shearbus-hydro: interrupted in step \d+, to [\d.e-]+ s, while the server did not answer; shearbus-hydro --restart goes on from the newest dump\n")
+
     def test_restart_of_nothing(self):
         self.refused(OPTIONS.hydro, "--restart", self.path / "none", said="holds no restart dump")
         self.run_program(OPTIONS.hydro, "--restart", self.path, self.scene, code=2)
