@@ -282,6 +282,25 @@ class Scripts(unittest.TestCase):
                 comment = re.match(r"#!.*\n((?:# ?.*\n)+)", file.read_text())[1]
                 self.assertEqual(done.stdout, re.sub("^# ?", "", comment, flags=re.M))
 
+    def test_an_interrupt_ends_the_main_job_at_once_with_one_line(self):
+        with tempfile.TemporaryDirectory() as place:
+            place = pathlib.Path(place)
+            (place / "bin").mkdir()
+            (place / "build.ninja").touch()
+            hydro = f"trap 'echo stopped: $0 >&2' INT\ntouch {place}/started-$$\nwhile sleep 0.1; do :; done"
+            for name, does in (("cmake", "exit 0"), ("dpkg-query", "echo install ok installed"), ("bin/shearbus-server", "exec sleep 100"), ("bin/shearbus-hydro", hydro)):
+                (place / name).write_text(f"#!/bin/bash\n{does}\n")
+                (place / name).chmod(0o755)
+            environment = {**os.environ, "PATH": f"{place}:{os.environ['PATH']}", "SHEARBUS_BUILD_DIR": str(place), "SHEARBUS_OUT": str(place / "out")}
+            job = served.program(self, OPTIONS.source / "deploy/run", env=environment, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                                 preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+            served.until(self, lambda: len(list(place.glob("started-*"))) == 2, job)
+            os.killpg(job.pid, signal.SIGINT)
+            said = job.communicate(timeout=20)[1]
+            self.assertEqual((job.returncode, said), (130, "\ndeploy/run: interrupted\n"))
+            for file in place.glob("started-*"):
+                served.until(self, lambda: not pathlib.Path(f"/proc/{file.name.split('-')[1]}/exe").exists(), patience=20)
+
     def test_sourced_by_a_user_prepare_changes_no_shell(self):
         """With set -e the next command that fails would close the terminal."""
         file = OPTIONS.source / "deploy/prepare.sh"
