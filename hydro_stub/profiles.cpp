@@ -27,7 +27,13 @@ files::ProfileRecord profile_record(const guest::HydroScene& scene, std::size_t 
              "leave out [hydro.profiles], or set interface_law = \"subgrid\"");
     law.profiles(ids, {});
   }
-  return {std::move(ids), {asked.time_s().begin(), asked.time_s().end()}};
+  files::ProfileRecord record(std::move(ids), {asked.time_s().begin(), asked.time_s().end()});
+  if (record.last_s() > scene.hydro().end_time_s())
+    refuse("hydro.profiles.time_s",
+           fmt::format("time {:.6g} s, expected times up to hydro.end_time_s = {:.6g} s", record.last_s(),
+                       scene.hydro().end_time_s()),
+           "leave out later times, or end the run later");
+  return record;
 }
 
 void record_profiles(files::ProfileRecord& record, double time_s, std::span<const double> pressure, InterfaceLaw& law) {

@@ -252,6 +252,12 @@ void run(const Options& options) {
   HistoryInput input(history, bus.opened(), options.closed_loop);
   files::ProfileRecord profiles(options.profile_nodes, options.profile_times_s);
   if (!options.profile_nodes.empty()) bus.profiles(options.profile_nodes);  // what cannot be read is refused here
+  if (profiles.last_s() > history.times_s().back())
+    throw Error(
+        {.code = Code::kInvalidValue,
+         .text = fmt::format("--profile-times has {:.6g} s; expected times up to {:.6g} s, the end of the history",
+                             profiles.last_s(), history.times_s().back()),
+         .remedy = "Leave out later times."});
   if (options.check) input.check_all_rows();
   bus.want_energy_ledger();
   for (const std::string& warning : bus.opened().warnings)

@@ -20,6 +20,8 @@ class ProfileRecord {
   ProfileRecord(std::vector<std::uint64_t> node_ids, std::vector<double> times_s);
 
   const std::vector<std::uint64_t>& node_ids() const { return node_ids_; }
+  // The last of the times; 0 without any  [s]
+  double last_s() const { return times_s_.empty() ? 0.0 : times_s_.back(); }
   // Whether a step that ends at `time_s` is the first one at or after a time that was asked for.
   bool due(double time_s) const;
   // Adds the profiles at the end of a step: the rows of a reply to read_profiles with these nodes, and the pressures

@@ -274,7 +274,8 @@ class BadInput(HydroTest):
                  ("pressure_pa = [11.2e9]", "pressure_pa = [11.2e9, 1e9]", ("pressure_pa has 2 values, expected 1",), True),
                  ("pressure_pa = [11.2e9]", "pressure_pa = [11.2e9, 1e9]\npressure_time_s = [0.0]", ("pressure_pa has 2 values", "pressure_time_s"), False),
                  ("pressure_pa = [11.2e9]", "pressure_pa = [11.2e9, 1e9]\npressure_time_s = [1e-7, 1e-7]", ("increasing times",), False),
-                 ("end_time_s = 200e-9", "end_time_s = 200e-9\ndt_s = 1e-8", ("dt_s", "cfl 1", "scene.toml:"), False)]
+                 ("end_time_s = 200e-9", "end_time_s = 200e-9\ndt_s = 1e-8", ("dt_s", "cfl 1", "scene.toml:"), False),
+                 ("pressure_pa = [11.2e9]", "pressure_pa = [11.2e9]\n[hydro.profiles]\nnode = [0]\ntime_s = [1e-6]", ("time 1e-06 s, expected times up to hydro.end_time_s = 2e-07 s",), False)]
         for value in ("nan", "inf", "-inf"):
             cases += [(jumps, f"[{value}, 50.0,", ("scene.toml:", "velocity_jump_m_per_s"), False),
                       ("yield_strength_pa = 200e6", f"yield_strength_pa = {value}", ("yield_strength_pa",), True)]

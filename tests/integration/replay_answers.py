@@ -119,6 +119,7 @@ class Results(ReplayTest):
             np.testing.assert_array_equal(group["layer_temperature"][:, :, 0], asked["interface_temperature"][rows][:, [2, 0]])
             np.testing.assert_array_equal(group["layer_shear_stress"][:, :, 0], asked["shear_stress"][rows][:, [2, 0]])
         for arguments, text in ((("--profile-nodes", "99", "--profile-times", "1e-9"), "node 99 is not of this session"),
+                                (("--profile-nodes", "10", "--profile-times", "1"), "--profile-times has 1 s; expected times up to 4e-08 s"),
                                 (("--profile-nodes", "10"), "--profile-times")):
             done = self.replay(*arguments)
             self.assertNotEqual(done.returncode, 0)
