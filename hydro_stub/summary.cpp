@@ -58,7 +58,8 @@ void Summary::observe(const ShearColumn& column) {
     if (temperature > peak_.value) peak_ = {.node = i, .time = column.time(), .value = temperature};
     if (melting_time_[i] < 0.0 && temperature >= melting_threshold(column.inputs().pressure[i]))
       melting_time_[i] = column.time();
-    slip_[i] += std::abs(answer.sliding_velocity[i]) * dt;
+    if (answer.regime[i] != static_cast<std::uint8_t>(wire::Regime::kOpen))  // an open contact has a velocity, too
+      slip_[i] += std::abs(answer.sliding_velocity[i]) * dt;
     friction_impulse_[i] += answer.shear_stress[i] * dt;
     ++regime_count_[answer.regime[i]];
     heat_ += answer.friction_heat[i];

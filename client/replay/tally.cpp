@@ -60,7 +60,8 @@ void Tally::add(const Batch& request, const Answer& answer, double time_s, doubl
   const auto regime = columns.u8(Field::kRegime);
   const auto outcome = columns.u8(Field::kOutcome);
   for (std::size_t node = 0; node < node_ids_.size(); ++node) {
-    slip_[node] += std::hypot(velocity[node], second_velocity.empty() ? 0.0 : second_velocity[node]) * dt_s;
+    if (regime[node] != static_cast<std::uint8_t>(wire::Regime::kOpen))  // an open contact has a velocity, too
+      slip_[node] += std::hypot(velocity[node], second_velocity.empty() ? 0.0 : second_velocity[node]) * dt_s;
     peaks_k_[node] = std::max(peaks_k_[node], temperature[node]);
     heat_[node] += heat[node];
     if (temperature[node] > peak_temperature_k_) {

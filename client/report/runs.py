@@ -121,7 +121,8 @@ def table_of(path):
         found["hottest"] = max(part.max() for part in chunks(file["interface_temperature"]))
         found["heat"] = sum(part.sum(axis=0) for part in chunks(file["friction_heat"])) if "friction_heat" in file else None
         lengths = iter(np.array_split(file["dt"][:] if "dt" in file else np.diff(file["time"][:], prepend=0.0), boundaries(file["sliding_velocity"])))
-        found["slip"] = sum((np.abs(part) * next(lengths)[:, None]).sum(axis=0) for part in chunks(file["sliding_velocity"]))
+        closed = iter(np.array_split(file["regime"][:] != 0 if "regime" in file else np.ones(steps, bool)[:, None], boundaries(file["sliding_velocity"])))
+        found["slip"] = sum((np.abs(part) * next(lengths)[:, None] * next(closed)).sum(axis=0) for part in chunks(file["sliding_velocity"]))  # an open contact has a velocity, too
         if "profiles" in file:
             found["profiles"] = {name: data[:] for name, data in file["profiles"].items()}
     return found

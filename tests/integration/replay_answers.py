@@ -133,6 +133,8 @@ class Results(ReplayTest):
         result = self.result()
         is_open = pressure <= 0
         self.assertTrue(is_open.any() and (pressure[-1] > 0).all())
+        slip = (np.abs(result["sliding_velocity"]) * result["dt"][:, None] * ~is_open).sum(axis=0).mean()
+        self.assertAlmostEqual(float(re.search(r"slip distance +([0-9.e-]+) m mean", result["text"])[1]) / slip, 1.0, places=4)
         self.assertTrue(np.all(result["shear_stress"][is_open] == 0))
         self.assertTrue(np.all(result["regime"][is_open] == 0) and np.all(result["regime"][~is_open] != 0))
         self.assertTrue(np.all(result["friction_heat"][is_open] == 0))
