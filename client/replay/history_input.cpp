@@ -45,6 +45,10 @@ void HistoryInput::note_near_misses(const wire::SessionOpened& session) {
   const std::vector<std::string_view> absent(optional.begin(), optional.end());
   for (const std::string& name : history_.names_in("")) {
     if (std::ranges::find(known, name) != known.end()) continue;
+    const std::string first = name.substr(0, name.rfind("_second"));
+    if (components_ == 1 && first != name && history_.has(first))
+      notes_.push_back(
+          fmt::format("/{} is not used: the scene has tangential_components = 1", wire::as_utf8(name, 60)));
     const std::string_view near = wire::nearest(name, absent);
     if (!near.empty() && near != name)
       notes_.push_back(fmt::format("/{} is not used; did you mean /{}?", wire::as_utf8(name, 60), near));

@@ -277,6 +277,7 @@ class Loops(ReplayTest):
         vectors = ("initial_velocity_jump", "stress_soft", "stress_hard")
         plane = {k: np.cos(angle) * v if k in vectors else v for k, v in parts.items()}
         self.write(**plane, **{f"{k}_second": np.sin(angle) * parts[k] for k in vectors})
+        self.assertIn("/stress_soft_second is not used: the scene has tangential_components = 1", self.result(scene=self.scene)["text"])
         result = self.result(scene=turned)
         for name in ("shear_stress", "sliding_velocity", "velocity_jump_new"):
             np.testing.assert_allclose(result[name], np.cos(angle) * line[name], rtol=1e-8, atol=1e-6, err_msg=name)
