@@ -286,7 +286,7 @@ def main():
     options = parser.parse_args()
     runs = read(options.runs)
     if flat := [run for run in runs if not run.two_dimensions]:
-        raise Fault(f"{flat[0].path}: expected a run in two dimensions")
+        raise Fault(f"{flat[0].path}: expected a run in two dimensions, found one of columns or a result, which plot_histories.py draws")
     for name, figure in pictures(runs):
         style.save(figure, options.out / name, style_text(*runs), colours=64 if name in OF_LINES else None)
         print(f"  picture                 {printable(options.out / name)}")

@@ -158,6 +158,8 @@ def main():
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("."), help="directory for the pictures")
     options = parser.parse_args()
     runs = read(options.runs)
+    if cones := [run for run in runs if run.two_dimensions]:
+        raise Fault(f"{cones[0].path}: expected a run of columns or a result, found a run in two dimensions, which plot_cone.py draws")
     for name, figure, left_out in pictures(runs):
         style.save(figure, options.out / name, style_text(*runs))
         print(f"  picture                 {printable(options.out / name)}" + (f" ({left_out} panels left out)" if left_out else ""))

@@ -410,6 +410,19 @@ class Report(unittest.TestCase):
             self.assertIn(text, page)
             self.assertNotIn(text, self.reports["one"].read_text() + self.reports["replay"].read_text())
 
+    def test_each_kind_of_run_has_its_pictures(self):
+        import plot_cone
+        import plot_histories
+
+        for program, run, other in ((plot_cone, self.column, "plot_histories.py"), (plot_histories, self.cones[0], "plot_cone.py")):
+            words, sys.argv = sys.argv, ["plot", str(run), "--out", str(self.path / "none")]
+            try:
+                with self.assertRaisesRegex(program.Fault, f"{run}: expected a run .*, which {other} draws"):
+                    program.main()
+            finally:
+                sys.argv = words
+        self.assertFalse((self.path / "none").exists())
+
     def test_an_output_that_nobody_reads_gets_one_line(self):
         plot = [sys.executable, OPTIONS.source / "client/report/plot_histories.py"]
         for command in ([OPTIONS.report, "--help"], [OPTIONS.report, "--version"], [*plot, "--help"], [OPTIONS.report, self.column, "-o", self.path / "told.html"],
