@@ -19,6 +19,7 @@
 #include "proto/files/recording.hpp"
 #include "proto/files/whole_file.hpp"
 #include "proto/wire/columns.hpp"
+#include "server/version.hpp"
 
 namespace shearbus::replay {
 namespace {
@@ -225,13 +226,14 @@ std::size_t export_log(const ExportOptions& options) {
     if (csv || !is_per_node(place.first) || plan.masses_change) columns.push_back(place);
   const std::size_t inputs = columns.size();
   columns.insert(columns.end(), plan.outputs.begin(), plan.outputs.end());
-  ResultFile table(options.out, options.like(), columns, plan.nodes, plan.properties,
-                   {{"producer", "shearbus-replay " + options.version},
-                    {"scene", plan.scene},
-                    {"input_file", options.log.filename().string()},
-                    {"input_hash", files::hash_of_file(options.log)},
-                    {"times", plan.host_times ? "the host's" : "sums of dt"}},
-                   plan.start_s);
+  std::map<std::string, std::string> meta = {{"producer", "shearbus-replay " + options.version},
+                                             {"commit", server::kCommit},
+                                             {"scene", plan.scene},
+                                             {"input_file", options.log.filename().string()},
+                                             {"input_hash", files::hash_of_file(options.log)},
+                                             {"times", plan.host_times ? "the host's" : "sums of dt"}};
+  if (!options.changes.empty()) meta.emplace("changes", options.changes);
+  ResultFile table(options.out, options.like(), columns, plan.nodes, plan.properties, meta, plan.start_s);
   if (files::HistoryWriter* const hdf5 = table.hdf5(); hdf5 != nullptr && !plan.masses_change)
     for (const auto& [place, values] : plan.masses)
       hdf5->add_static(files::quantity_of_column(place.first, place.second), values);

@@ -277,6 +277,7 @@ class LogReplay {
                   .node = {},
                   .after_mark = options_.from_mark.empty() ? std::nullopt : std::optional(options_.from_mark),
                   .version = options_.version,
+                  .changes = fmt::format("{}", fmt::join(options_.set, ", ")),
                   .final_name = options_.out});
       table_->publish();
     } catch (...) {

@@ -1,6 +1,7 @@
 #include "client/replay/replay.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -272,7 +273,7 @@ void run(const Options& options) {
   }
 
   const server::Entries provenance = server::provenance("shearbus-replay", bus.opened().scene_name, options.arguments);
-  const std::map<std::string, std::string> meta = {
+  std::map<std::string, std::string> meta = {
       {"producer", "shearbus-replay " + options.version},
       {"server_version", bus.server_version()},
       {"scene", bus.opened().effective_scene},
@@ -283,6 +284,7 @@ void run(const Options& options) {
       {"machine", server::value_of(provenance, "machine")},
       {"command", server::value_of(provenance, "command")},
   };
+  if (!options.set.empty()) meta.emplace("changes", fmt::format("{}", fmt::join(options.set, ", ")));
   ResultFile result(options.out, options.out, columns_of(bus.opened()), history.node_ids(), properties, meta,
                     history.start_time_s());
   const bool replaced = result.replaces();

@@ -80,8 +80,14 @@ def scene_of(text):
         return {}
 
 
+def with_changes(meta, text):
+    """Returns a text about the scene of a run, with what the replay changed in that scene."""
+    return f"{text} with {meta['changes']}" if text and meta.get("changes") else text
+
+
 def provenance_of(meta, scene, known=()):
     """Returns the facts of a footer: those of /meta, or those that are known otherwise."""
+    scene = with_changes(meta, scene)
     facts = {"program": "producer", "version": "server_version", "commit": "commit", "date": "created", "machine": "machine"}
     found = {"scene": scene, **{key: meta.get(name, "") for key, name in facts.items()}, **dict(known)}
     return {**found, "date": found["date"][:10]}
@@ -232,6 +238,7 @@ class Run:
         self.law = meta.get("interface_law") or self.summary.get("interface_law") or "subgrid"
         self.label, self.colour = law_label(self.law), law_colour(self.law)
         self.name = self.scene.get("name") or meta.get("scene_name") or path.stem
+        self.title, self.source = with_changes(meta, self.name), with_changes(meta, self.scene.get("source", ""))
         self.provenance = provenance_of(meta, self.name, self.summary.get("provenance", {}))
         if self.table:
             self.time, self.nodes = self.table["time"] * 1e6, self.table["node_id"]

@@ -165,7 +165,7 @@ def the_case(run, sources):
              ("melting curve", soft.get("melting_curve", "")), ("heat", run.scene.get("layer", {}).get("heat", "")), ("time integrator", run.scene.get("layer", {}).get("time_integrator", "")),
              ("tolerance", run.scene.get("layer", {}).get("tolerance", ""))]
     return {"sketch": svg(sketch, "case", "the bodies at the start"), "sketch_title": "the bodies at the start" if run.two_dimensions else "each column: two bodies, one jump",
-            "materials": rows, "names": [body.get("material", "own constants") for body in (soft, hard)], "source": run.scene.get("source", ""),
+            "materials": rows, "names": [body.get("material", "own constants") for body in (soft, hard)], "source": run.source,
             "sources": [(body["material"], sources[body["material"]]) for body in (soft, hard) if body.get("material") in sources],
             "facts": [(name, value) for name, value in facts if value != ""]}
 
@@ -453,7 +453,7 @@ def report(paths, figures, control, command, page):
     footer = style.provenance_text(*(run.provenance for run in runs))
     first = main[0] if main else runs[0]
     return {
-        "names": list(dict.fromkeys(run.name for run in runs)),
+        "names": list(dict.fromkeys(run.title for run in runs)),
         "runs": [{"label": run.label, "colour": THEMED.get(run.colour, run.colour), "path": str(run.path), "verdicts": verdicts(run), "provenance": run.provenance,
                   "time": run.summary.get("run_time_s")} for run in runs],
         "verdict": verdict(main), "numbers": five_numbers(main) if main else [], "number_runs": lines(main),

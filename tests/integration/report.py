@@ -174,6 +174,8 @@ class Report(unittest.TestCase):
         page = self.reports["two"] = self.path / "two.html"
         for label in ("soft.yield_strength_pa = 1e+08", "soft.yield_strength_pa = 2e+08"):
             self.assertIn(f"<strong>{label}</strong>", page.read_text())
+        for value in ("100e6", "200e6"):  # a what-if does not pass for the original
+            self.assertIn(f"paper_velocity_driven with soft.yield_strength_pa={value}", re.search("<h1>(.*?)</h1>", page.read_text())[1])
         # Runs that end at other times are drawn to their own ends.
         import plot_histories
 
