@@ -72,6 +72,8 @@ CommandLine parse_command_line(int argc, char** argv) {
     if (!scene->empty() && !restart->empty())
       throw CLI::ValidationError("SCENE and --restart DIR",
                                  "give one of them: the run of a directory goes on with the scene in its last dump");
+    if (const std::string fault = files::fault_of_keys(options.server, server_key, key); !fault.empty())
+      throw CLI::ValidationError(fault);
   });
   if (line.exit_code) return line;
   files::read_keys_into(options.server, server_key, key);

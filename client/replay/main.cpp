@@ -163,6 +163,9 @@ std::vector<std::pair<std::string, std::string>> changes_of(const std::string& s
 }
 
 void check(const CLI::App& app, Command& command) {
+  if (const std::string fault = files::fault_of_keys(command.run.server, command.server_key, command.own_key);
+      !fault.empty())
+    throw CLI::ValidationError(fault);
   if (command.rtol < 0) throw CLI::ValidationError("--rtol", "expected a number from 0 on");
   const replay::Options& run = command.run;
   const bool has_history = !command.inputs.empty() || !run.scene.empty() || !run.out.empty();

@@ -42,6 +42,8 @@ def printable_lines(text):
 
 def complain(program, fault):
     """Prints what has ended a program to standard error: one line, or the list of a scene's faults."""
+    if isinstance(fault, OSError) and fault.filename is not None and fault.strerror:
+        fault = f"{fault.filename}: {fault.strerror}"
     several = getattr(getattr(fault, "code", None), "name", None) == "INVALID_SCENE"
     print((printable_lines if several else printable)(f"{program}: {fault}"), file=sys.stderr)
 
@@ -121,11 +123,11 @@ def tell_fault(kind, fault, trace):
 
 def open_regular(path, most=MOST_BYTES):
     """Opens a regular file of at most so many bytes. Raises OSError or ValueError; a pipe is not waited for."""
-    file = open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY), "rb")
-    found = os.fstat(file.fileno())
+    number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
+    found = os.fstat(number)
     if stat.S_ISREG(found.st_mode) and found.st_size <= most:
-        return file
-    file.close()
+        return open(number, "rb")
+    os.close(number)
     raise ValueError(f"has {found.st_size} bytes, at most {most} are read" if stat.S_ISREG(found.st_mode) else "is no regular file")
 
 

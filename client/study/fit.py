@@ -62,9 +62,9 @@ class Parameter:
         try:
             self.key, self.low, self.high = found[1], real_number(found[2]), real_number(found[3])
         except (TypeError, argparse.ArgumentTypeError):
-            raise Fault(f"--parameter {text}: expected KEY=LOW:HIGH, for instance interface.friction_coefficient=0.1:0.6") from None
+            raise argparse.ArgumentTypeError(f"expected KEY=LOW:HIGH, for instance interface.friction_coefficient=0.1:0.6, found {text}") from None
         if not self.low < self.high:
-            raise Fault(f"--parameter {text}: the range is empty")
+            raise argparse.ArgumentTypeError(f"expected LOW below HIGH, found {text}")
 
     def value(self, x):
         return self.low + x * (self.high - self.low)
@@ -74,8 +74,8 @@ def rows_of(path):
     """Returns the cells of a CSV file without its comments."""
     try:
         return list(csv.reader(line for line in read_text(path).splitlines() if line.strip() and not line.startswith("#")))
-    except (ValueError, csv.Error) as cause:
-        raise Fault(f"{path}: {cause}") from None
+    except (OSError, ValueError, csv.Error) as cause:
+        raise Fault(f"{path}: expected a curve as a CSV file: {getattr(cause, 'strerror', None) or cause}") from None
 
 
 def id_of(path, text):
@@ -442,16 +442,16 @@ def main():
     parser.add_argument("scene", type=pathlib.Path)
     parser.add_argument("--curve", type=pathlib.Path, action="append", default=[], metavar="CSV", help="a measured curve; repeatable")
     parser.add_argument("--stress-strain", type=pathlib.Path, action="append", default=[], metavar="CSV", help="measured curves of stress against strain; repeatable")
-    parser.add_argument("--parameter", action="append", required=True, metavar="KEY=LOW:HIGH", help="a key of the scene and its range; repeatable")
+    parser.add_argument("--parameter", type=Parameter, action="append", required=True, metavar="KEY=LOW:HIGH", help="a key of the scene and its range; repeatable")
     parser.add_argument("--history", type=pathlib.Path, help="a recorded history, which shearbus-replay sends; without one shearbus-hydro runs SCENE")
     parser.add_argument("--starts", type=positive_count, default=3, help="searches from so many points, of which the best counts (default 3)")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/fit"))
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin", help="directory of the programs")
     options = parser.parse_args()
+    if options.stress_strain and (options.curve or options.history):
+        parser.error("--stress-strain goes without --curve and --history: it needs no run")
     try:
-        parameters = [Parameter(text) for text in options.parameter]
-        if options.stress_strain and (options.curve or options.history):
-            raise Fault("--stress-strain goes without --curve and --history: it needs no run")
+        parameters = options.parameter
         curves = [Curve(path) for path in options.curve] + [StressStrain(path) for path in options.stress_strain]
         options.out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="shearbus-fit-") as work:

@@ -55,7 +55,7 @@ def run(hydro, text, law, out):
     done = subprocess.run([hydro, out / "scene.toml", "--interface-law", law, "--out", out / "run", "--no-plot", "--no-progress"],
                           capture_output=True, text=True)
     if done.returncode != 0:
-        raise Fault(done.stderr.strip().removeprefix("shearbus-hydro: "))
+        raise Fault("; ".join(done.stderr.strip().removeprefix("shearbus-hydro: ").splitlines()))
     summary = json.loads((out / "run/summary.json").read_text())
     answers = {f"displacement_{band['band_m'] * 1e3:g}mm": band["mean_m"] for band in summary.get("displacement", [])}
     answers.update(slip=summary["mean_slip_m"], impulse=summary["mean_friction_impulse_pa_s"])
@@ -77,9 +77,7 @@ def extrapolated(values):
 
 def study(options):
     text = options.scene.read_text()
-    zones = sorted(options.meshes, reverse=True)
-    if len(zones) < 2 or any(not 1.99 < a / b < 2.01 for a, b in zip(zones, zones[1:])):
-        raise Fault(f"--meshes {','.join(map(str, zones))}: expected at least two widths of zones that halve, as 0.5e-3,0.25e-3")
+    zones = options.meshes
     runs = []
     for zone in zones:
         runs.append(run(options.hydro, on_mesh(text, zone), options.law, options.out / f"{zone * 1e3:g}mm"))
@@ -135,10 +133,13 @@ def main():
     parser = Parser(prog="shearbus-study mesh", description=__doc__)
     parser.add_argument("scene", type=pathlib.Path, nargs="?", default=ROOT / "hydro_stub/problems/cone_al_steel.toml")
     parser.add_argument("--meshes", type=positive_numbers, default="0.5e-3,0.25e-3,0.125e-3", help="widths of zones that halve, m")
-    parser.add_argument("--law", default="subgrid", help="interface law of the runs")
+    parser.add_argument("--law", choices=("subgrid", "coulomb_tresca", "free_slip", "stick", "constant"), default="subgrid", help="interface law of the runs")
     parser.add_argument("--bin", type=pathlib.Path, required=True, help=SUPPRESS)
     parser.add_argument("--out", type=pathlib.Path, help="keeps the runs, the table and the picture")
     options = parser.parse_args()
+    options.meshes.sort(reverse=True)
+    if len(options.meshes) < 2 or any(not 1.99 < a / b < 2.01 for a, b in zip(options.meshes, options.meshes[1:])):
+        parser.error(f"--meshes {','.join(map(str, options.meshes))}: expected at least two widths of zones that halve, as 0.5e-3,0.25e-3")
     options.hydro = options.bin / "shearbus-hydro"
     with tempfile.TemporaryDirectory() as scratch:
         keep = options.out is not None

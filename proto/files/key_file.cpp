@@ -128,11 +128,18 @@ std::string read_secret_key(const std::filesystem::path& file) {
   return only_key(file, true);
 }
 
+std::string fault_of_keys(const ServerAddress& address, const std::filesystem::path& server_key,
+                          const std::filesystem::path& secret_key) {
+  const bool key_in_file = address.endpoint.starts_with(kFileScheme) && server_key.empty();
+  return server_key.empty() == secret_key.empty() || key_in_file
+             ? ""
+             : "--server-key and --key go together: the server's public key and one's own secret key";
+}
+
 void read_keys_into(ServerAddress& address, const std::filesystem::path& server_key,
                     const std::filesystem::path& secret_key) {
-  const bool key_in_file = address.endpoint.starts_with(kFileScheme) && server_key.empty();
-  if (server_key.empty() != secret_key.empty() && !key_in_file)
-    throw std::runtime_error("--server-key and --key go together: the server's public key and one's own secret key");
+  if (const std::string fault = fault_of_keys(address, server_key, secret_key); !fault.empty())
+    throw std::runtime_error(fault);
   address.server_key_file = server_key.string();
   address.secret_key_file = secret_key.string();
   if (!server_key.empty()) address.server_key = read_public_key(server_key);

@@ -32,6 +32,9 @@ std::vector<KeyLine> read_keys(const std::filesystem::path& file);
 std::string read_public_key(const std::filesystem::path& file);
 std::string read_secret_key(const std::filesystem::path& file);
 
+// Says what is wrong with giving one of the two key files of an address, or returns an empty text.
+std::string fault_of_keys(const ServerAddress& address, const std::filesystem::path& server_key,
+                          const std::filesystem::path& secret_key);
 // Reads the two key files of an address; either both files or neither must be given. An endpoint file holds the
 // server's key itself.
 void read_keys_into(ServerAddress& address, const std::filesystem::path& server_key,

@@ -202,12 +202,15 @@ class Fit(served.Served):
         late = table("late.csv", "time_s,free_surface_velocity,node_id\n1e-6,10,0\n1.1e-5,10,0\n")
         other = table("other.csv", "time_s,colour,node_id\n1e-6,10,0\n1.1e-6,10,0\n")
         single = table("single.csv", "time_s,slip_distance\n1e-6,10\n1.1e-6,10\n")
-        for words, reason in (((MU.replace("0.1:0.6", "0.6:0.1"),), "the range is empty"), (("mu",), "expected KEY=LOW:HIGH"),
-                              ((MU, "--curve", self.scene), "expected a header of time_s"), ((MU, "--curve", late), "the run has free_surface_velocity from"),
+        for words, reason in (((MU, "--curve", self.path), f"{self.path}: expected a curve as a CSV file: is no regular file"),
+                              ((MU, "--curve", self.path / "none.csv"), "none.csv: expected a curve as a CSV file: No such file or directory"), ((MU, "--curve", self.scene), "expected a header of time_s"), ((MU, "--curve", late), "the run has free_surface_velocity from"),
                               ((MU, "--curve", other), "the run has no colour; it has"), ((MU, "--curve", single), "expected a column node_id"),
                               (("interface.friction=0.1:0.6", "--curve", curve), f"{self.scene}:"),
                               ((MU, "--parameter", YIELD, "--curve", curve), "expected more values than parameters")):
             self.refuse("--parameter", *words, said=reason)
+        for words, reason in (((MU.replace("0.1:0.6", "0.6:0.1"),), "expected LOW below HIGH, found interface"), (("mu",), "expected KEY=LOW:HIGH"),
+                              ((MU, "--stress-strain", curve, "--curve", curve), "goes without --curve")):
+            self.refused(OPTIONS.study, "fit", self.scene, "--parameter", *words, said=reason, code=2)
 
 
 if __name__ == "__main__":

@@ -240,6 +240,9 @@ class ServerElsewhere(HydroTest):
     def test_nobody_at_the_endpoint(self):
         self.assert_refused("UNREACHABLE", arguments=("--server", f"ipc://{self.path}/nobody"))
 
+    def test_one_key_of_two_is_a_faulty_command_line(self):
+        self.assert_refused("--server-key and --key go together", arguments=("--key", "mine"), code=2)
+
     def test_endpoint_that_is_none(self):
         self.assert_refused("shearbus-hydro:", arguments=("--server", "carrier-pigeon://roof"))
 

@@ -32,9 +32,11 @@ class Mesh(served.Served):
         self.assertRegex(done.stdout, r"\| friction impulse, Pa s \| [\d.]+ \| [\d.]+ \| [\d.]+ \(1\.0\)")
 
     def test_faults_are_one_line(self):
-        for arguments, said in (((self.scene, "--meshes", "1e-3"), "--meshes 0.001: expected at least two widths"),
-                                ((self.scene, "--meshes", "1e-3,0.3e-3"), "expected at least two widths of zones that halve"),
-                                ((PROBLEMS / "two_half_spaces.toml",), "expected a cone"),
+        for arguments, said in ((("--meshes", "1e-3"), "--meshes 0.001: expected at least two widths"), (("--meshes", "1e-3,0.3e-3"), "expected at least two widths of zones that halve"),
+                                (("--law", "foo"), "argument --law: invalid choice: 'foo' (choose from 'subgrid', ")):
+            self.refused(OPTIONS.study, "mesh", self.scene, *arguments, said=said, code=2)
+        self.scene.write_text(self.scene.read_text().replace("[hydro]", "[hydro]\nzones = 1\nlaw = 2"))
+        for arguments, said in (((self.scene, "--meshes", "2e-3,1e-3"), "hydro.law"), ((PROBLEMS / "two_half_spaces.toml",), "expected a cone"),
                                 ((self.path / "none.toml",), "No such file")):
             self.assertRegex(self.refused(OPTIONS.study, "mesh", *arguments, said=said), r"^shearbus-study: mesh: [^\n]*\n$")
 
