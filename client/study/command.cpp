@@ -38,6 +38,11 @@ CLI::App* add_command(CLI::App& program, const std::string& name, const std::str
   return command;
 }
 
+void prepare_study(const CommandOptions& options, const std::string& name) {
+  const files::OneWriter probe(options.out);
+  files::check_output(options.out / (name + ".json"), files::kSummaryFile);
+}
+
 void write_study(const CommandOptions& options, const std::string& name, const nlohmann::ordered_json& study) {
   nlohmann::ordered_json out = {{"study", name},
                                 {"version", SHEARBUS_RELEASE},
@@ -47,7 +52,6 @@ void write_study(const CommandOptions& options, const std::string& name, const n
   for (const auto& [key, value] : server::provenance("shearbus-study", options.scene.string(), options.arguments))
     out["provenance"][key] = value;
   out.update(study);
-  std::filesystem::create_directories(options.out);
   const auto path = options.out / (name + ".json");
   files::write_whole(path, files::kSummaryFile,
                      out.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + '\n');

@@ -23,6 +23,9 @@ struct CommandOptions {
 CLI::App* add_command(CLI::App& program, const std::string& name, const std::string& what, const std::string& scene,
                       CommandOptions& options);
 
+// Makes the directory of a study. Throws wire::Error, before the work of the study, if write_study() could not write there.
+void prepare_study(const CommandOptions& options, const std::string& name);
+
 // Writes the study as NAME.json and, if options.plot, draws it with plot_NAME.py. The file begins with name, version,
 // commit, date, processor and provenance. Throws std::runtime_error if the file cannot be written or the script fails.
 void write_study(const CommandOptions& options, const std::string& name, const nlohmann::ordered_json& study);

@@ -57,6 +57,7 @@ std::vector<StudyCase> cases_of(const Options& options) {
 
 void precision(const Options& options) {
   const std::vector<StudyCase> cases = cases_of(options);
+  prepare_study(options, "precision");
   std::vector<Result> results;
   for (const StudyCase& study_case : cases) {
     Result& result = results.emplace_back(sweep(study_case, options.sweep));
@@ -75,7 +76,9 @@ void precision(const Options& options) {
 }
 
 void tolerance(const Options& options) {
-  const auto tracked = track_tolerances(cases_of(options), options.sweep);
+  const std::vector<StudyCase> cases = cases_of(options);
+  prepare_study(options, "tolerance");
+  const auto tracked = track_tolerances(cases, options.sweep);
   fmt::print("{}", table(tracked));
   static_cast<void>(std::fflush(stdout));
   nlohmann::ordered_json study = json(tracked, options.sweep.repeats);

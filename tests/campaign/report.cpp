@@ -284,6 +284,7 @@ CLI::App* add_stability(CLI::App& program, StabilityOptions& options) {
 int run_stability(const StabilityOptions& options) {
   Campaign campaign{.scene = {}, .cut_short = options.steps.has_value()};
   take_scene(options, campaign);
+  prepare_study(options, "stability");
   if (options.only_random) {
     campaign.random = random_of(campaign, options);
     print_random(campaign);

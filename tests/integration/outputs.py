@@ -117,6 +117,17 @@ class Options(Programs):
         run = self.ran(program, *arguments)
         self.assertEqual(run.returncode, 2, run.stdout + run.stderr)
 
+    def test_a_study_looks_at_its_output_before_the_work(self):
+        for verb, *scene in (("precision", support.EXAMPLES / "paper_velocity_driven.toml", "--quick"), ("tolerance", "--quick"), ("stability",),
+                             ("map", support.EXAMPLES / "validity_map.toml"), ("mesh",), ("fit", PROBLEMS / "two_half_spaces.toml", "--parameter", "interface.friction_coefficient=0.1:0.6")):
+            for file in (self.path / "file", self.path / f"{verb}.json")[:1 if verb in ("mesh", "fit") else 2]:
+                with self.subTest(verb, file=file.name):
+                    file.write_text("mine")
+                    run = self.ran("study", verb, *scene, "--out", file if file.name == "file" else self.path)
+                    self.assertEqual((run.returncode, run.stdout), (1, ""), run.stderr)
+                    self.assertIn(str(file), run.stderr)
+                    self.assertEqual(file.read_text(), "mine")
+
     def test_a_time_that_no_run_reaches_is_refused(self):
         study = ("map", support.EXAMPLES / "validity_map.toml", "--out", self.path / "map")
         self.assert_usage("study", *study, "--times", "1e30")
