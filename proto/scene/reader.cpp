@@ -65,12 +65,14 @@ std::string found(const toml::node& node) {
   if (node.is_table() || node.is_array()) return "found " + kind_of(node);
   std::ostringstream text;
   text.imbue(std::locale::classic());  // whatever locale the host has chosen
-  if (const toml::value<std::string>* string = node.as_string())
+  if (const toml::value<std::string>* string = node.as_string()) {
     text << '"' << printable(string->get(), kShown) << '"';
-  else if (const toml::value<double>* number = node.as_floating_point())
-    text << fmt::format("{}", number->get());
-  else
+  } else if (const toml::value<double>* number = node.as_floating_point()) {
+    const std::string digits = number_text(number->get());
+    text << digits << (digits.find_first_not_of("-0123456789") == digits.npos ? ".0" : "");  // no integer
+  } else {
     node.visit([&](const auto& value) { text << value; });
+  }
   return fmt::format("found {} {}", kind_of(node), text.str());
 }
 
