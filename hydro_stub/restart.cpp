@@ -10,6 +10,7 @@
 #include "proto/files/recording.hpp"
 #include "proto/files/whole_file.hpp"
 #include "proto/wire/status.hpp"
+#include "server/version.hpp"
 
 namespace shearbus::hydro {
 namespace {
@@ -85,7 +86,7 @@ void make_room_for_dumps(const fs::path& run) {
   throw wire::Error({.code = wire::Code::kInvalidValue,
                      .text = fmt::format("{} holds restart dumps of a run that was stopped", run.string()),
                      .remedy = fmt::format("Go on with it (--restart {}), remove {}, or write elsewhere (--out).",
-                                           run.string(), restart_directory(run).string())});
+                                           server::quoted(run.string()), restart_directory(run).string())});
 }
 
 void remove_results(const fs::path& run) {

@@ -217,7 +217,8 @@ class Run {
     if (const std::string why = law_.cannot_keep(); !why.empty())
       throw std::runtime_error(fmt::format("{}; no restart dump: {}", where, why));
     dump();
-    throw Interrupted(fmt::format("{}; go on with: shearbus-hydro --restart {}", where, options_.out.string()));
+    throw Interrupted(
+        fmt::format("{}; go on with: shearbus-hydro --restart {}", where, server::quoted(options_.out.string())));
   }
 
   void finish() {

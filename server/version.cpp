@@ -36,7 +36,8 @@ std::string registers_text() {
   return physics::registers_of_four ? "4 doubles (AVX2)" : "2 doubles";
 }
 
-// A word as a shell reads it: in quotes if it has anything but letters, digits and harmless marks.
+}  // namespace
+
 std::string quoted(std::string_view word) {
   const auto harmless = [](char c) {
     return wire::is_ascii_alphanumeric(c) || static_cast<unsigned char>(c) >= 0x80 ||
@@ -47,8 +48,6 @@ std::string quoted(std::string_view word) {
   for (const char c : word) text += c == '\'' ? std::string("'\\''") : std::string(1, c);
   return text + "'";
 }
-
-}  // namespace
 
 Entries version_of(const std::string& program) {
   return {{"program", program},

@@ -22,6 +22,9 @@ Entries version_of(const std::string& program);
 // The answer to --version: the entries as text whose first line is "PROGRAM VERSION", or as one line of JSON.
 std::string version_text(const std::string& program, bool json);
 
+// A word as a shell reads it: in quotes if it has anything but letters, digits and harmless marks.
+std::string quoted(std::string_view word);
+
 // Where a result comes from: program, version, commit, scene, date (UTC, ISO 8601), machine, command. `scene` is the
 // name of the scene; `arguments` are those of main(), and the command is written so that a shell reads it back.
 Entries provenance(const std::string& program, const std::string& scene, std::span<const char* const> arguments);

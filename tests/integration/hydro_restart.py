@@ -236,6 +236,12 @@ class Restart(served.Served):
         self.assertEqual(process.returncode, 3, printed)
         self.assertRegex(printed, r"shearbus-hydro: interrupted in step \d+, to [\d.e-]+ s, while the server did not answer; shearbus-hydro --restart goes on from the newest dump\n")
 
+    def test_commands_to_go_on_are_as_a_shell_reads_them(self):
+        out = self.path / "my run"
+        printed = self.interrupted(out, signal.SIGINT, 3, OPTIONS.hydro, self.scene, "--out", out, "--interface-law", "coulomb_tresca", "--no-plot")
+        self.assertIn(f"go on with: shearbus-hydro --restart '{out}'\n", printed)
+        self.refused(OPTIONS.hydro, self.scene, "--out", out, said=f"Go on with it (--restart '{out}')")
+
     def test_restart_of_nothing(self):
         self.refused(OPTIONS.hydro, "--restart", self.path / "none", said="holds no restart dump")
         self.run_program(OPTIONS.hydro, "--restart", self.path, self.scene, code=2)
