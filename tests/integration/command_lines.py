@@ -301,6 +301,11 @@ class Scripts(unittest.TestCase):
             for file in place.glob("started-*"):
                 served.until(self, lambda: not pathlib.Path(f"/proc/{file.name.split('-')[1]}/exe").exists(), patience=20)
 
+    def test_an_unknown_sanitizer_is_refused_by_the_name_of_the_script(self):
+        for words, found in (((), "nothing"), (("foo",), "foo")):
+            done = run(OPTIONS.source / "deploy/sanitize", *words)
+            self.assertEqual((done.returncode, done.stderr), (2, f"deploy/sanitize: expected address or thread, found {found}\n"))
+
     def test_sourced_by_a_user_prepare_changes_no_shell(self):
         """With set -e the next command that fails would close the terminal."""
         file = OPTIONS.source / "deploy/prepare.sh"
