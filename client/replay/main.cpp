@@ -200,7 +200,9 @@ void check(const CLI::App& app, Command& command) {
   for (const char* name : {"--from-mark", "--rtol"})
     if (app.count(name) > 0) throw CLI::ValidationError(name, "is for event logs; INPUT is none");
   if (command.inputs.size() > 1) throw CLI::ValidationError("INPUT", "expected one history");
-  if (run.scene.empty()) throw CLI::RequiredError("--scene");
+  if (run.scene.empty())
+    throw CLI::ValidationError("--scene", fmt::format("a history needs it, and {} is no event log",
+                                                      shearbus::program::shown(command.inputs.front())));
   if (run.out.empty() && !run.check) throw CLI::RequiredError("--out");
 }
 

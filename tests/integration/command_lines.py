@@ -110,6 +110,7 @@ class Programs(unittest.TestCase):
              "--by: expected hottest, fastest or molten, found hotest; did you mean hottest?"),
             (["shearbus-hydro", "x.toml", "--interface-law", "foo"],
              "--interface-law: expected subgrid, coulomb_tresca, free_slip, stick or constant, found foo"),
+            (["shearbus-replay", __file__], f"--scene: a history needs it, and {__file__} is no event log"),
             (["shearbus-hydro"], "SCENE, or --restart DIR, is required"),
             (["shearbus-replay", "a.h5", "--scen", "x.toml"], "--scen is no option of shearbus-replay; did you mean --scene?"),
             (["shearbus-study", "precison"], "precison is no command of shearbus-study; did you mean precision?"),
