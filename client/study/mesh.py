@@ -62,7 +62,7 @@ def run(hydro, text, law, out):
     if (out / "run/free_surface.h5").exists():
         with h5py.File(out / "run/free_surface.h5") as file:
             answers["free_surface"] = float(file["axial_velocity"][:, -1].max())
-    return {"answers": answers, "steps": summary["steps"], "zones": summary["zones"], "cpu_s": summary["cpu_time_s"]}
+    return {"provenance": summary["provenance"], "answers": answers, "steps": summary["steps"], "zones": summary["zones"], "cpu_s": summary["cpu_time_s"]}
 
 
 def extrapolated(values):
@@ -116,7 +116,7 @@ def table(found):
 def draw(found, out):
     import style
     figure, axis = style.figure(1, 1, (7.0, 4.4), legend=True)
-    times = [made["cpu_s"] for made in found["runs"]]
+    times, made = [run["cpu_s"] for run in found["runs"]], found["runs"][-1]
     drawn = []
     for row, mark in zip(found["rows"], "os^Dv"):
         drawn += axis.plot(times, [max(1e-5, abs(error)) * 100 for error in row["error_zones"]], mark + "-", label=row["label"].replace("+-", "±"))
@@ -125,7 +125,7 @@ def draw(found, out):
              title=f"{found['scene']}, zones of {', '.join(f'{zone * 1e3:g}' for zone in found['zones_m'])} mm")
     axis.grid()
     style.legend_below(figure, drawn)
-    style.save(figure, out / "mesh.png", f"shearbus-study mesh, {found['scene']}, law {found['law']}", colours=64)
+    style.save(figure, out / "mesh.png", style.provenance_text({**made["provenance"], "program": f"shearbus-study mesh, law {found['law']}", "date": made["provenance"]["date"][:10]}), colours=64)
     print(f"\nwritten: {out / 'mesh.png'}, {out / 'mesh.json'}")
 
 
