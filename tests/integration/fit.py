@@ -83,9 +83,9 @@ class Fit(served.Served):
             curve.write_text("time_s,free_surface_velocity,node_id\n" + f"8e-7,1.0,{node}\n" * 9)
             self.refuse("--curve", curve, "--parameter", MU, said=said)
         for option in ("--curve", "--stress-strain"):
-            self.refuse(option, pipe, "--parameter", MU, said="pipe.csv: is no regular file")
+            self.refuse(option, pipe, "--parameter", MU, said="pipe.csv: expected a curve as a CSV file: is no regular file")
         for parameter in ("interface.friction_coefficient=nan:1", "interface.friction_coefficient=0.1:inf", "interface.friction_coefficient=1_0:20"):
-            self.refuse("--curve", curve, "--parameter", parameter, said="expected KEY=LOW:HIGH")
+            self.refused(OPTIONS.study, "fit", self.scene, "--curve", curve, "--parameter", parameter, said="expected KEY=LOW:HIGH", code=2)
 
     def test_what_a_curve_does_not_determine_is_told(self):
         curve = self.measure((1,), 4)  # slides at its yield limit: mu has no part in it
