@@ -333,7 +333,7 @@ class EndpointFiles(served.Served):
         self.step(session)
         self.ctl("drain", "--within", 1, "--server", self.endpoint, code=2)
         self.assertIn("or in 1 s", self.ctl("drain", "--exit", "--within", 1, "--server", self.endpoint))
-        self.assertIn("1 are open, and continue with the next server", self.ended(server, 3))
+        self.assertIn("1 session open, to continue with the next server", self.ended(server, 3))
         self.assertTrue(list((self.path / "state").glob("checkpoint-*.h5")))
         self.assertFalse(self.file.exists())
         # The next server has the session; a drain whose sessions end in time gives 0.

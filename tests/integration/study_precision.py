@@ -100,7 +100,7 @@ def main():
         cone = json.loads((pathlib.Path(out) / "cone_sweep.json").read_text())
         assert all(r["failure"] == "" for r in cone["runs"]) and len(cone["runs"]) == 6, cone
         layer = [r["error"] for r in cone["runs"] if r["layer"] == "profile, 80 cells x1.06"]
-        assert 0 < layer[0]["mean_slip_m"] < 0.1 * cone["hydro"][0]["mean_slip_m"] and 0 < layer[0]["temperature_rms"] < 2e-2, cone
+        assert 0 < layer[0]["mean_slip_m"] < 0.5 * cone["hydro"][0]["mean_slip_m"] and 0 < layer[0]["temperature_rms"] < 2e-2, cone
     print("the studies answer as they should")
 
 
