@@ -150,7 +150,7 @@ void balance(const Layer& layer, const std::vector<double>& T, Solved& at) {
   look(layer, T, at);
   for (int iteration = 0; iteration < 1000; ++iteration) {
     std::vector<Eigen::Triplet<double>> entries;
-    entries.reserve(static_cast<std::size_t>(5 * n));
+    entries.reserve(5 * static_cast<std::size_t>(n));
     for (int b = 0; b < n; ++b) entries.emplace_back(b, b, layer.mass(b) / layer.dt);
     for (int i = 0; i <= layer.cells(); ++i) {
       const double k = at.slope[i] * layer.per_velocity(i);
