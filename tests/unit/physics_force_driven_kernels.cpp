@@ -24,6 +24,7 @@ double coefficient(const FrictionForm& form, double T_melt, double T0, double sl
 
 TEST(PhysicsForceDrivenKernels, AFormIsTheCoefficientOfItsLaw) {
   const Material soft = paper_options().soft;
+  constexpr double states[kMostFrictionStates] = {};
   int laws = 0;
   (void)FrictionLaws::any([&](auto own) {
     using Law = typename decltype(own)::type;
@@ -34,7 +35,7 @@ TEST(PhysicsForceDrivenKernels, AFormIsTheCoefficientOfItsLaw) {
     ++laws;
     for (double T0 = 5.0; T0 < soft.melting_temperature; T0 += 45.0) {
       for (const double slip : {0.0, 1e-3, 1.0, 70.0, 5000.0}) {
-        const double expected = Law::at(options, soft, {1.0, T0, slip}).stress;
+        const double expected = Law::at(options, soft, {1.0, T0, slip, 1e-9, states}).stress;
         EXPECT_NEAR(coefficient(form, soft.melting_temperature, T0, slip), expected, 4e-15 * expected) << Law::kName;
       }
     }
