@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "proto/wire/enum_names.hpp"
+#include "proto/wire/text.hpp"
 #include "server/physics/material/strength.hpp"
 
 namespace shearbus::hydro {
@@ -110,8 +111,8 @@ std::string Summary::text() const {
   if (melted > 0) {
     double first = end_time_;
     for (const double t : melting_time_) first = t >= 0.0 ? std::min(first, t) : first;
-    line("0.99 T_melt", fmt::format("reached by {} of {} column{}, first at {:.6g} µs", melted, problem_.columns,
-                                    problem_.columns == 1 ? "" : "s", first * 1e6));
+    line("0.99 T_melt", fmt::format("reached by {} of {}, first at {:.6g} µs", melted,
+                                    wire::counted(problem_.columns, "column"), first * 1e6));
   } else {
     line("0.99 T_melt", fmt::format("not reached ({:.1f} K at rest)", melting_threshold(0.0)));
   }

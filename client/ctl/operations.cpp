@@ -109,7 +109,8 @@ void close_one(Operator& server, const wire::SessionInfo& session) {
   const wire::SessionClosed closed = server.close(session);
   const wire::SessionInfo shown = printable(session);
   fmt::print("{} closed: \"{}\" of {}, {}, {}; its states are gone\n", wire::hexadecimal(session.session_id),
-             shown.name, shown.identity, counted(session.nodes, "node"), counted(closed.requests, "request"));
+             shown.name, shown.identity, wire::counted(session.nodes, "node"),
+             wire::counted(closed.requests, "request"));
 }
 
 }  // namespace
@@ -135,10 +136,6 @@ std::string duration(const std::optional<double>& seconds) {
   if (s < 1.0) return fmt::format("{:.0f} ms", 1e3 * s);
   if (s < 180.0) return fmt::format("{:.0f} s", s);
   return s < 3 * 3600.0 ? fmt::format("{:.0f} min", s / 60) : fmt::format("{:.1f} h", s / 3600);
-}
-
-std::string counted(std::uint64_t count, const char* noun) {
-  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
 }
 
 std::vector<std::pair<std::string, std::uint64_t>> regimes_of(const wire::ServerStatus& status) {
@@ -168,7 +165,7 @@ void show_status(const Told& told, bool json) {
   show("server", fmt::format("{} ({} threads), up {:.0f} s{}", s.server_version, s.threads, seconds(s.uptime_ns),
                              s.draining ? ", draining: no new sessions" : ""));
   show("sessions", fmt::format("{}{} with {}, {:.1f} MB of states", s.sessions, told.is_operator ? "" : " of yours",
-                               counted(s.nodes, "node"), static_cast<double>(s.state_bytes) / (1 << 20)));
+                               wire::counted(s.nodes, "node"), static_cast<double>(s.state_bytes) / (1 << 20)));
   std::string regimes;
   for (const auto& [regime, nodes] : regimes_of(s))
     regimes += fmt::format("{}{} {}", regimes.empty() ? "" : ", ", regime, nodes);
@@ -221,9 +218,10 @@ bool show_all(const std::filesystem::path& directory, bool json, const StatusOf&
         line.update(json_of(told));
         fmt::print("{}\n", line.dump());
       } else {
-        fmt::print("{:<20} {}{} with {}, {} ({} refused), up {:.0f} s{}\n", name, counted(s.sessions, "session"),
-                   told.is_operator ? "" : " of yours", counted(s.nodes, "node"), counted(s.requests, "request"),
-                   s.refused, seconds(s.uptime_ns), s.draining ? ", draining" : "");
+        fmt::print("{:<20} {}{} with {}, {} ({} refused), up {:.0f} s{}\n", name, wire::counted(s.sessions, "session"),
+                   told.is_operator ? "" : " of yours", wire::counted(s.nodes, "node"),
+                   wire::counted(s.requests, "request"), s.refused, seconds(s.uptime_ns),
+                   s.draining ? ", draining" : "");
       }
     } catch (const Error& fault) {
       all_answer = false;
@@ -257,7 +255,7 @@ void show_sessions(Operator& server, bool json) {
 void show_top(Operator& server, const std::string& session, wire::Top by, std::uint32_t count) {
   const auto sessions = server.sessions();
   const TopNodes top = server.top_nodes(find(sessions, session).session_id, by, count);
-  fmt::print("{} ({}, version {}): {} of {}\n", printable(top.session).name, counted(top.session.nodes, "node"),
+  fmt::print("{} ({}, version {}): {} of {}\n", printable(top.session).name, wire::counted(top.session.nodes, "node"),
              top.session.state_version, top.node_ids.size(), top.matching);
   const bool sliding = !top.sliding_velocity_m_per_s.empty();
   fmt::print("{:>20} {:>12} {:>14} {:>8}{}\n", "node", "T0, K", "s, MPa", "regime", sliding ? "       [v], m/s" : "");

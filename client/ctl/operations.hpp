@@ -25,9 +25,6 @@ std::optional<double> quantile(std::span<const std::uint64_t> counts, double sha
 // A time as text in the unit that fits: "25 us", "3 min"; "-" if there is none.
 std::string duration(const std::optional<double>& seconds);
 
-// "1 node", "2 nodes": a count with the noun, which takes an s.
-std::string counted(std::uint64_t count, const char* noun);
-
 // Numbers of nodes by the name of their regime, in the order of the regimes; empty if the server does not tell them.
 std::vector<std::pair<std::string, std::uint64_t>> regimes_of(const wire::ServerStatus& status);
 

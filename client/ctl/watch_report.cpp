@@ -101,7 +101,7 @@ std::string line_of(const Report& report) {
   if (report.sample == nullptr) return fmt::format("{} no answer: {}", wire::utc_now(), report.fault);
   const wire::ServerStatus& s = report.sample->status;
   std::string text =
-      fmt::format("{} {}, {}:", wire::utc_now(), counted(s.sessions, "session"), counted(s.nodes, "node"));
+      fmt::format("{} {}, {}:", wire::utc_now(), wire::counted(s.sessions, "session"), wire::counted(s.nodes, "node"));
   for (const auto& [regime, nodes] : regimes_of(s))
     text += fmt::format(" {} {:.1f}%", regime, percent(nodes, nodes_in_regimes(s)));
   text += fmt::format("; {}node-steps/s", scaled(report.node_steps_per_s));

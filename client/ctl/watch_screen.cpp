@@ -104,7 +104,7 @@ void Screen::describe(const Report& report) {
   add(fmt::format("server      {}, up {}, {} threads{}", s.server_version, duration(seconds(s.uptime_ns)), s.threads,
                   s.draining ? ", DRAINING: no new sessions" : ""));
   add(fmt::format("{:<11} {} with {}, {}B of states", sample.is_operator ? "sessions" : "yours", s.sessions,
-                  counted(s.nodes, "node"), scaled(static_cast<double>(s.state_bytes))));
+                  wire::counted(s.nodes, "node"), scaled(static_cast<double>(s.state_bytes))));
   add_regimes(s);
   add(fmt::format("rate        {}node-steps/s, {}requests/s; the solver works {} of the time",
                   scaled(report.node_steps_per_s), scaled(report.requests_per_s),

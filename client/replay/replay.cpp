@@ -193,10 +193,6 @@ Bus open(const Options& options, const scene::ChangedScene& scene, const Table& 
   throw Error(scene.placed(fault.status()));
 }
 
-std::string plural(std::size_t count, const char* noun) {
-  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
-}
-
 // What the printed summary says.
 struct ReplaySummary {
   const Options& options;
@@ -264,8 +260,8 @@ void run(const Options& options) {
   for (const std::string& warning : bus.opened().warnings)
     program::complain(fmt::format("shearbus-replay: {}", wire::labelled(warning)));
   const std::string extent =
-      fmt::format("{} of {}, {:.6g} to {:.6g} s", plural(history.steps(), "step"), plural(history.nodes(), "node"),
-                  history.start_time_s(), history.times_s().back());
+      fmt::format("{} of {}, {:.6g} to {:.6g} s", wire::counted(history.steps(), "step"),
+                  wire::counted(history.nodes(), "node"), history.start_time_s(), history.times_s().back());
   if (options.check) {
     bus.close();
     fmt::print("{} fits {}: {}\n", program::shown(options.history), program::shown(options.scene), extent);
