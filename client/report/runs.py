@@ -105,6 +105,19 @@ def regimes_of(values, data):
     return position[values]
 
 
+def slip_of(file):
+    """Returns the slip distance of each node while its contact is closed: an open one has a velocity, too."""
+    lengths = file["dt"][:] if "dt" in file else np.diff(file["time"][:], prepend=0.0)
+    is_open = list(REGIMES).index("OPEN")
+    slip, begin = 0.0, 0
+    for velocity in chunks(file["sliding_velocity"]):
+        rows = slice(begin, begin + len(velocity))
+        closed = regimes_of(file["regime"][rows], file["regime"]) != is_open if "regime" in file else True
+        slip = slip + (np.abs(velocity) * lengths[rows, None] * closed).sum(axis=0)
+        begin = rows.stop
+    return slip
+
+
 def table_of(path):
     """Returns a history or a result as {name: array} with time (s), node_id, regime as positions in style.REGIMES,
     and meta."""
@@ -126,9 +139,7 @@ def table_of(path):
         found["outcomes"] = outcome_counts(file) if "outcome" in file else {}
         found["hottest"] = max(part.max() for part in chunks(file["interface_temperature"]))
         found["heat"] = sum(part.sum(axis=0) for part in chunks(file["friction_heat"])) if "friction_heat" in file else None
-        lengths = iter(np.array_split(file["dt"][:] if "dt" in file else np.diff(file["time"][:], prepend=0.0), boundaries(file["sliding_velocity"])))
-        closed = iter(np.array_split(file["regime"][:] != 0 if "regime" in file else np.ones(steps, bool)[:, None], boundaries(file["sliding_velocity"])))
-        found["slip"] = sum((np.abs(part) * next(lengths)[:, None] * next(closed)).sum(axis=0) for part in chunks(file["sliding_velocity"]))  # an open contact has a velocity, too
+        found["slip"] = slip_of(file)
         if "profiles" in file:
             found["profiles"] = {name: data[:] for name, data in file["profiles"].items()}
     return found
