@@ -192,19 +192,19 @@ class WaveLanes {
     const Register t = magnitude(trial);
     const Mask elastic = carried(t, t, rise).stress >= t;
     Register lo{}, hi = smaller(t, carried(all(0.0), t, rise).stress);
-    Mask todo = live & without(elastic), capped{};
+    Mask sought = live & without(elastic), capped{};
     if (step_.tries_limit) {
       const Register limit = load(step_.coulomb + lane_);
-      capped = todo & (limit < t) & (carried(smaller(limit, t), t, rise).stress > limit);
-      todo &= without(capped);
+      capped = sought & (limit < t) & (carried(smaller(limit, t), t, rise).stress > limit);
+      sought &= without(capped);
     }
-    const Mask molten = todo & (hi == 0.0), lost = todo & without(molten) & without(hi > kLeastReturn);
-    todo &= without(molten | lost);
+    const Mask molten = sought & (hi == 0.0), lost = sought & without(molten) & without(hi > kLeastReturn);
+    sought &= without(molten | lost);
     Register a = where((interface_ > 0.0) & (interface_ < hi), interface_, hi), slope{};
-    a = where(todo, a, all(1.0));
-    hi = where(todo, hi, all(1.0));
+    a = where(sought, a, all(1.0));
+    hi = where(sought, hi, all(1.0));
     Register farthest = all(kUnlimited);  // a longer step bisects, once Newton's steps have not been enough
-    for (int iteration = 0; iteration < kInterfaceSteps && lanes_where(todo) != 0; ++iteration) {
+    for (int iteration = 0; iteration < kInterfaceSteps && lanes_where(sought) != 0; ++iteration) {
       const Carried now = carried(a, t, rise);
       const Mask above = now.stress > a;
       lo = where(above, a, lo);
@@ -215,17 +215,17 @@ class WaveLanes {
       const Register next = a + step;
       const Mask closed = hi - lo <= kRounding * hi;
       const Mask found =
-          todo & (closed | (positive & (magnitude(step) <= kReturned * a) & (magnitude(off) <= kSameStress)));
+          sought & (closed | (positive & (magnitude(step) <= kReturned * a) & (magnitude(off) <= kSameStress)));
       const Mask inside = positive & (next > lo) & (next < hi) & (magnitude(step) <= farthest);
       if (iteration >= kInterfaceNewton) farthest = 0.5 * magnitude(step);
       const Register best = where(closed, lo, smaller(larger(next, lo), hi));
-      slope = where(todo & positive, now.flow_slope / (1.0 - now.stress * now.log_slope), slope);
-      a = where(todo, where(found, best, where(inside, next, 0.5 * (lo + hi))), a);
-      todo &= without(found);
+      slope = where(sought & positive, now.flow_slope / (1.0 - now.stress * now.log_slope), slope);
+      a = where(sought, where(found, best, where(inside, next, 0.5 * (lo + hi))), a);
+      sought &= without(found);
     }
     interface_ = where(elastic | molten | capped, interface_, a);
     carry(trial, heating, where(molten, all(0.0), where(elastic | capped, t, a)), where(elastic, all(1.0), slope));
-    return without(lost | todo);
+    return without(lost | sought);
   }
 
   // The returns of the vertices from `first` on to the yield stress by `return_of(vertex, trial stress, temperature)`.
