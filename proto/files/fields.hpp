@@ -14,7 +14,7 @@
 
 namespace shearbus::files {
 
-// Removes the frames that a sidecar names, then the sidecar. Files of other names stay.
+// Removes the mesh and all frames in the directory of a sidecar, then the sidecar. Files of other names stay.
 void remove_fields(const std::filesystem::path& sidecar);
 
 // frame() returns when the frame is on the disk and the sidecar names it, so the files of an interrupted run can be

@@ -459,7 +459,8 @@ void add_pairs(const v1::Scene& given, v1::Scene& scene, SceneModel& made) {
   }
 }
 
-// Clears the diffusivities that are as the server derives them: they draw no warning beside those of their constants.
+// Clears the diffusivities that are as the server derives them, also those of an effective scene that comes back: they
+// draw no warning beside those of their constants.
 template <typename Tables>  // a scene or a pair
 void clear_derived(Tables& tables) {
   for (v1::Body* body : {tables.mutable_soft(), tables.mutable_hard()})
@@ -472,7 +473,7 @@ void clear_derived(Tables& tables) {
 SceneModel convert(v1::Scene& scene, bool warn) {
   const v1::Scene given = scene::without_pairs(scene);
   SceneModel made = convert_tables(scene);
-  if (warn) {
+  if (warn) {  // parameters of nodes are judged with the temperatures that the nodes bring (validate.cpp)
     refuse_molten_start(made.options);
     made.warnings = warnings_of(scene, made.options);
   }
