@@ -209,7 +209,7 @@ void shorten_waiting(char** arguments) {
   std::error_code fault;
   const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", fault);
   if (fault || self.filename() != std::filesystem::path(arguments[0]).filename()) return;  // by way of a loader
-  if (setenv("GOMP_SPINCOUNT", "1000", 1) != 0) return;
+  if (setenv("GOMP_SPINCOUNT", "3000", 1) != 0) return;
   execv(self.c_str(), arguments);  // if it returns the threads spin for longer
 }
 

@@ -17,6 +17,7 @@
 #include "hydro_stub/lagrange/eos.hpp"
 #include "hydro_stub/lagrange/geometry.hpp"
 #include "hydro_stub/lagrange/mesh.hpp"
+#include "hydro_stub/lagrange/shares.hpp"
 #include "hydro_stub/lagrange/state.hpp"
 #include "hydro_stub/lagrange/strength.hpp"
 #include "hydro_stub/lagrange/time_step.hpp"
@@ -121,6 +122,7 @@ class Cycle {
   double work_given_ = 0.0;
 
   // Work arrays of the current step.
+  Shares shares_;
   Geometry middle_;  // geometry of the zones at mid-step
   std::vector<Vec2> middle_position_;
   std::vector<double> middle_density_;

@@ -196,13 +196,13 @@ bool Cycle::predict_middle(double dt) {
   const int nodes = mesh.num_nodes();
   const std::vector<Run>& runs = mesh.runs();
   int inverted = kNoZone;
+  shares_.hand_out(runs.size());
 #pragma omp parallel if (mesh.num_zones() >= kFewestForThreads) reduction(min : inverted)
   {
 #pragma omp for schedule(static)
     for (int n = 0; n < nodes; ++n) middle_position_[n] = state_.position[n] + (0.5 * dt) * state_.velocity[n];
     RunNodes at;
-#pragma omp for schedule(static)
-    for (std::size_t r = 0; r < runs.size(); ++r) {
+    shares_.work([&](std::size_t r) {
       mesh.load(middle_position_, runs[r], at);
       measure(mesh.symmetry(), runs[r], at, middle_);
       constexpr double kAnyChange = std::numeric_limits<double>::infinity();
@@ -210,7 +210,7 @@ bool Cycle::predict_middle(double dt) {
       mesh.load(state_.velocity, runs[r], at);
       find_gradients(runs[r], middle_, at, gradient_);
       predict_run(runs[r], dt);
-    }
+    });
   }
   if (inverted == kNoZone) return true;
   step_.zone = inverted;
@@ -246,14 +246,14 @@ void Cycle::find_forces() {
   const Mesh& mesh = bodies_.mesh;
   const std::vector<Run>& runs = mesh.runs();
   const ViscousState viscous = {middle_, gradient_, middle_density_, state_.sound_speed, plastic_rate_};
+  shares_.hand_out(runs.size());
 #pragma omp parallel if (mesh.num_zones() >= kFewestForThreads)
   {
     RunNodes position, velocity;
-// One thread prepares the contact, which has no parallel loops, and helps the others afterwards.
-#pragma omp single nowait
+// One thread prepares the contact, which has no parallel loops, before it begins with its zones.
+#pragma omp master
     contact_.prepare(state_, middle_position_, guides_);
-#pragma omp for schedule(dynamic, kRunsAtOnce)
-    for (std::size_t r = 0; r < runs.size(); ++r) {
+    shares_.work([&](std::size_t r) {
       mesh.load(middle_position_, runs[r], position);
       mesh.load(state_.velocity, runs[r], velocity);
       set_viscosity(mesh, bodies_.viscosity, material(runs[r]).eos.half_shock_slope(), runs[r], position, viscous,
@@ -266,7 +266,7 @@ void Cycle::find_forces() {
                        .yy = middle_yy_.data(),
                        .xy = middle_xy_.data()},
                       velocity, middle_, corner_force_, heating_new_.data());
-    }
+    });
   }
 }
 
@@ -307,6 +307,7 @@ bool Cycle::go_to_end(double dt) {
   const std::vector<Run>& runs = mesh.runs();
   const double most = 2.0 * bodies_.time_step.volume_change;
   int inverted = kNoZone;
+  shares_.hand_out(runs.size());
 #pragma omp parallel if (mesh.num_zones() >= kFewestForThreads) reduction(min : inverted)
   {
 #pragma omp for schedule(static)
@@ -315,14 +316,13 @@ bool Cycle::go_to_end(double dt) {
       position_new_[n] = state_.position[n] + dt * velocity_mean_[n];
     }
     RunNodes at;
-#pragma omp for schedule(static)
-    for (std::size_t r = 0; r < runs.size(); ++r) {
+    shares_.work([&](std::size_t r) {
       mesh.load(position_new_, runs[r], at);
       measure_volumes(mesh.symmetry(), runs[r], at, volume_new_);
       inverted = std::min(inverted, first_inverted(runs[r], volume_new_, state_.volume, most));
       mesh.load(velocity_mean_, runs[r], at);
       do_work_wide(runs[r], dt, at, corner_force_, state_.mass.data(), state_.energy.data(), energy_new_.data());
-    }
+    });
   }
   if (inverted == kNoZone) return true;
   step_.zone = inverted;
@@ -341,18 +341,22 @@ void Cycle::slide(double dt) {
       fault = std::current_exception();
     }
   };
+  const auto advance = [&](std::size_t r) { advance_stress(dt, runs[r]); };
+  shares_.hand_out(runs.size());
 #pragma omp parallel if (bodies_.mesh.num_zones() >= kFewestForThreads)
   {
-    // Half of the zones are left for the other threads while one works with the answer.
-    const std::size_t until_answer = omp_get_num_threads() > 1 ? runs.size() / 2 : runs.size();
 #pragma omp master
-    contact([&] { contact_.ask(state_, guides_, dt, steps_ + 1, law_, velocity_new_); });
-#pragma omp for schedule(dynamic, kRunsAtOnce) nowait
-    for (std::size_t r = 0; r < until_answer; ++r) advance_stress(dt, runs[r]);
-#pragma omp master
-    contact([&] { contact_.answered(state_, guides_, dt, law_, velocity_new_); });
-#pragma omp for schedule(dynamic, kRunsAtOnce) nowait
-    for (std::size_t r = until_answer; r < runs.size(); ++r) advance_stress(dt, runs[r]);
+    {
+      contact([&] { contact_.ask(state_, guides_, dt, steps_ + 1, law_, velocity_new_); });
+      // Half of its zones are left for the other threads while this one works with the answer.
+      if (omp_get_num_threads() > 1) {
+        shares_.work_own(runs.size() / (2 * omp_get_num_threads()), advance);
+      } else {
+        shares_.work(advance);
+      }
+      contact([&] { contact_.answered(state_, guides_, dt, law_, velocity_new_); });
+    }
+    shares_.work(advance);
   }
   if (fault) std::rethrow_exception(fault);
 }
@@ -362,6 +366,7 @@ void Cycle::slide(double dt) {
 void Cycle::finish_step(double dt) {
   const std::vector<Run>& rim = runs_[kRim];
   const std::vector<Run>& runs = bodies_.mesh.runs();
+  shares_.hand_out(runs.size());
 #pragma omp parallel if (bodies_.mesh.num_zones() >= kFewestForThreads)
   {
 #pragma omp single nowait
@@ -371,8 +376,7 @@ void Cycle::finish_step(double dt) {
     }
 #pragma omp for schedule(static)
     for (std::size_t r = 0; r < rim.size(); ++r) advance_stress(dt, rim[r]);
-#pragma omp for schedule(static)
-    for (std::size_t r = 0; r < runs.size(); ++r) update_run(runs[r]);
+    shares_.work([&](std::size_t r) { update_run(runs[r]); });
   }
 }
 

@@ -19,9 +19,6 @@ namespace shearbus::lagrange {
 
 // Loops over fewer nodes or zones use one thread, since waking other threads costs more time than these save.
 inline constexpr int kFewestForThreads = 4000;
-// Runs that a thread takes at a time in loops beside the contact, which one thread does. Other loops give each thread the
-// same zones in every step, which its cache then holds.
-inline constexpr int kRunsAtOnce = 4;
 
 // Zones next to each other in a row of a block. Loops over the zones of a run vectorise: their numbers are consecutive,
 // and so are the nodes below and above them.

@@ -265,10 +265,10 @@ class Cone(served.Served):
                 self.skipTest("another runtime than libgomp")
             return found[-1]
 
-        self.assertEqual(spins(), "1000")
+        self.assertEqual(spins(), "3000")
         self.assertEqual(spins(OMP_WAIT_POLICY="passive"), "0")
         self.assertEqual(spins(GOMP_SPINCOUNT="7"), "7")
-        self.assertNotEqual(spins(OMP_NUM_THREADS="1"), "1000", "one thread waits for none")
+        self.assertNotEqual(spins(OMP_NUM_THREADS="1"), "3000", "one thread waits for none")
 
     def test_wrong_geometry_is_refused_by_place(self):
         done = self.hydro(self.scene(zone_width_m="6e-3"), "--check", "--interface-law", "stick", code=1)

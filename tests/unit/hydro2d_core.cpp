@@ -1,4 +1,5 @@
 // Tests of the components of the two-dimensional hydrocode, and of the conservation laws of its time step.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,6 +9,7 @@
 #include <random>
 
 #include "hydro_stub/lagrange/hourglass.hpp"
+#include "hydro_stub/lagrange/shares.hpp"
 #include "hydro_stub/lagrange/strength.hpp"
 #include "hydro_stub/verification/exact.hpp"
 #include "tests/support/hydro2d.hpp"
@@ -462,6 +464,25 @@ TEST(Hydro2dCycle, FreeHomogeneousExpansionIsExact) {
       EXPECT_NEAR(norm(cycle.state().velocity[n] - velocity[n]), 0.0, 1e-12);
     for (const double rho : cycle.state().density) EXPECT_NEAR(rho * growth, 1.0, 1e-12);
   }
+}
+
+// A thread alone does its own share from the front, then those of threads that never came from their ends.
+TEST(Hydro2dShares, EveryRunIsDoneOnceThoughThreadsAreMissing) {
+  const int threads = omp_get_max_threads();
+  omp_set_num_threads(3);
+  lagrange::Shares shares;
+  std::vector<std::size_t> done;
+  const auto work = [&](std::size_t run) { done.push_back(run); };
+  shares.hand_out(10);
+  shares.work_own(1, work);
+  EXPECT_THAT(done, testing::ElementsAre(0, 1));
+  shares.work(work);
+  EXPECT_THAT(done, testing::ElementsAre(0, 1, 2, 5, 4, 3, 9, 8, 7, 6));
+  done.clear();
+  shares.hand_out(1);  // fewer runs than threads
+  shares.work(work);
+  EXPECT_THAT(done, testing::ElementsAre(0));
+  omp_set_num_threads(threads);
 }
 
 TEST(Hydro2dCycle, AStepThatTurnsAZoneInsideOutIsTakenBack) {
