@@ -57,12 +57,34 @@ install(FILES client/examples/constant_friction.toml client/examples/host.c clie
               client/examples/vfric.f90 client/examples/vfriction.f90
         DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus/examples COMPONENT development)
 
-# The pages with their figures and scenes, in the folders of the sources, so that their links hold.
-file(GLOB_RECURSE pages RELATIVE ${PROJECT_SOURCE_DIR} README.md client/*.md client/*.svg client/report/*.png client/study/*.png proto/*.md server/*.md hydro_stub/*.md hydro_stub/problems/*.toml
-     tests/README.md deploy/README.md client/examples/*)
+# The pages, the examples, the scenes, and whatever else a page links, in the folders of the sources, so that the links hold.
+file(GLOB_RECURSE pages RELATIVE ${PROJECT_SOURCE_DIR} README.md .github/*.md client/*.md deploy/*.md hydro_stub/*.md proto/*.md server/*.md tests/*.md)
+list(FILTER pages EXCLUDE REGEX ISSUE_TEMPLATE)
+file(GLOB_RECURSE documents RELATIVE ${PROJECT_SOURCE_DIR} client/examples/* hydro_stub/problems/*.toml)
 foreach(page ${pages})
   get_filename_component(folder ${page} DIRECTORY)
-  install(FILES ${page} DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/shearbus/${folder} COMPONENT doc)
+  file(READ ${page} text)
+  string(REPLACE "](" "@(" text "${text}")  # a bracket would join the elements of the list
+  string(REGEX MATCHALL "@\\([^()#:; \n]+[#)]" links "${text}")
+  list(TRANSFORM links REPLACE "[@()#]" "")
+  foreach(link ${links})
+    get_filename_component(target ${link} ABSOLUTE BASE_DIR ${PROJECT_SOURCE_DIR}/${folder})
+    if(EXISTS ${target} AND NOT EXISTS ${target}/README.md)
+      file(RELATIVE_PATH target ${PROJECT_SOURCE_DIR} ${target})
+      list(APPEND documents ${target})
+    endif()
+  endforeach()
+endforeach()
+list(APPEND documents ${pages})
+list(REMOVE_DUPLICATES documents)
+foreach(document ${documents})
+  get_filename_component(folder ${document} DIRECTORY)
+  set(where DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/shearbus/${folder} COMPONENT doc)
+  if(IS_DIRECTORY ${PROJECT_SOURCE_DIR}/${document})
+    install(DIRECTORY ${document} ${where})
+  else()
+    install(FILES ${document} ${where})
+  endif()
 endforeach()
 
 install(FILES deploy/slurm/job.sh DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus/slurm COMPONENT server)

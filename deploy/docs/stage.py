@@ -87,9 +87,9 @@ class Site:
         name = posixpath.normpath(posixpath.join(posixpath.dirname(page), path)) if path else page
         if name in self.pages:
             return self.place(name), anchor
-        if name in GENERATED:
-            return GENERATED[name] + ".md", anchor
         if name in self.files:
+            if name in GENERATED:
+                return GENERATED[name] + ".md", anchor
             if pathlib.Path(name).suffix not in PICTURES:
                 self.wanted.append(name)
                 return self.place(name) + ".md", ""

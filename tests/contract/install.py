@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Installs the build into a scratch prefix, builds the example hosts from there as a user would, by CMake and by pkg-config, in C, C++17,
 C++20 and Fortran, and runs each against the installed server and with the server in its own process. Then two copies of the library live
-in one process, and a process with the server in it loads no HDF5 without a state directory."""
+in one process, and a process with the server in it loads no HDF5 without a state directory. The installed pages have no dead link."""
 import argparse
 import os
 import pathlib
@@ -11,9 +11,11 @@ import subprocess
 import sys
 import tempfile
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tests/support"), str(ROOT / "deploy/docs")]
 import installed
 import mpi
+import stage
 
 CONSUMER = """cmake_minimum_required(VERSION 3.20)
 project(consumer LANGUAGES C CXX Fortran)
@@ -93,6 +95,15 @@ def build_by_pkg_config(work, prefix, examples):
     return programs
 
 
+def check_pages(work, pages):
+    """The stage of the site ends the test at a link or a section that the installed pages do not have."""
+    site = stage.Site(pages, work / "site")
+    if not {"README.md", "client/README.md", "deploy/docs/pages/howto/adapter.md"} <= site.pages:
+        sys.exit(f"pages are not installed; there are {sorted(site.pages)}")
+    for page in site.pages:
+        site.stage(page)
+
+
 def check_tables(work, prefix, scene):
     """The installed shearbus-replay reads, writes and compares tables of text by the installed part in Python."""
     if not (prefix / "share/shearbus/replay/tables.py").is_file():
@@ -141,6 +152,8 @@ def main():
         stray = [str(p) for p in prefix.rglob("*") if p.is_file() and "proto" in p.parts]
         if stray:
             sys.exit(f"headers of the wire are installed: {stray}")
+        installed.install(options.build, prefix, "doc")
+        check_pages(work, prefix / "share/doc/shearbus")
         examples = prefix / "share/shearbus/examples"
         scene = examples / "constant_friction.toml"
         (library,) = prefix.rglob("libshearbus.so.1")
@@ -148,7 +161,7 @@ def main():
         programs = build_by_cmake(work, prefix, examples, options.mpiexec) + build_by_pkg_config(work, prefix, examples)
 
         check_components(work, prefix)
-        check_tables(work, prefix, pathlib.Path(__file__).parents[2] / "client/examples/paper_velocity_driven_graded.toml")
+        check_tables(work, prefix, ROOT / "client/examples/paper_velocity_driven_graded.toml")
         check_hdf5(work, prefix, options.two_copies.with_name("embedded_hdf5.c"), scene)
         with installed.serving(prefix, work / "bus") as endpoint:
             answers = set()
