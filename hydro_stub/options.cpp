@@ -35,9 +35,8 @@ CommandLine parse_command_line(int argc, char** argv) {
       ->type_name("DIR")
       ->excludes(restart);
   app.add_option("--server", options.server.endpoint,
-                 "endpoint of the subgrid server, tcp://HOST:PORT or ipc://PATH, or of several, with commas (default: "
-                 "a server inside "
-                 "this process)")
+                 "endpoint of the subgrid server, tcp://HOST:PORT or ipc://PATH, or of several, with commas; each must "
+                 "answer within 5 s (default: a server inside this process)")
       ->type_name("ENDPOINT");
   std::filesystem::path server_key;
   std::filesystem::path key;

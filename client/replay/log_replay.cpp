@@ -18,6 +18,7 @@
 #include "client/replay/log_export.hpp"
 #include "client/replay/result_file.hpp"
 #include "client/replay/tally.hpp"
+#include "client/src/client.hpp"
 #include "client/src/connection.hpp"
 #include "client/src/input_check.hpp"
 #include "client/src/session.hpp"
@@ -63,17 +64,19 @@ class Peer {
 class ServerPeer final : public Peer {
  public:
   ServerPeer(const files::ServerAddress& server, const fs::path& record)
-      : connection_({.endpoint = server.endpoint,
-                     .server_key = server.server_key,
-                     .secret_key = server.secret_key,
-                     .name = "shearbus-replay",
-                     .log = complain,
-                     .record = record.string()}) {}
+      : connection_(std::make_shared<SocketConnection>(ClientOptions{.endpoint = server.endpoint,
+                                                                     .server_key = server.server_key,
+                                                                     .secret_key = server.secret_key,
+                                                                     .name = "shearbus-replay",
+                                                                     .log = complain,
+                                                                     .record = record.string()})) {
+    const Client greeting(connection_);  // waits connect_deadline for a server; a request would wait reply_deadline
+  }
 
   const wire::Reply& ask(wire::Request& request) override {
-    request.request_id = connection_.next_request_id();
+    request.request_id = connection_->next_request_id();
     try {
-      received_ = connection_.call(request, connection_.options().reply_deadline);
+      received_ = connection_->call(request, connection_->options().reply_deadline);
     } catch (const Error& fault) {
       if (static_cast<int>(fault.status().code) / 100 == 5) throw;
       received_ = {};
@@ -83,7 +86,7 @@ class ServerPeer final : public Peer {
   }
 
  private:
-  SocketConnection connection_;
+  std::shared_ptr<SocketConnection> connection_;
   Received received_;
 };
 

@@ -84,8 +84,9 @@ void describe_replay(CLI::App& app, Command& command) {
       ->type_name("NAME");
   app.add_option("--rtol", command.rtol,
                  "of event logs: largest relative difference of equal answers; default: same bits");
-  app.add_option("--server", command.run.server.endpoint,
-                 "tcp://host:port or ipc://path of a server; none: one inside this process")
+  app.add_option(
+         "--server", command.run.server.endpoint,
+         "tcp://host:port or ipc://path of a server, which must answer within 5 s; none: one inside this process")
       ->type_name("ENDPOINT");
   app.add_option("--server-key", command.server_key, "by tcp: file of the server's public key")->type_name("FILE");
   app.add_option("--key", command.own_key, "by tcp: file of one's own secret key, from shearbus-ctl keygen")

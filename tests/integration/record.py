@@ -104,6 +104,7 @@ class Server(RecordTest):
         self.assertEqual(self.the_log().stat().st_mode & 0o777, 0o600)
         self.assertEqual(self.records.stat().st_mode & 0o777, 0o700)
         self.assertIn("equal to the recorded ones, to the last bit", self.again(self.the_log()))
+        self.assertIn("within 5.0 s", self.again(self.the_log(), "--server", f"ipc://{self.path}/nobody", code=1))
         self.assertIn("equal to the recorded ones, to the last bit", self.again(self.the_log(), "--server", self.bus))
 
     def test_a_changed_answer_is_found_by_step_and_node(self):
