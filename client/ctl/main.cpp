@@ -190,6 +190,12 @@ class Commands {
         [] { return 0; });
   }
 
+  // Refuses one key file without the other, unless --all names servers, whose endpoint files hold their keys.
+  void check_keys() const {
+    const shearbus::files::ServerAddress address{.endpoint = options_.server};
+    const std::string fault = shearbus::files::fault_of_keys(address, options_.server_key, options_.key);
+    if (options_.all.empty() && !fault.empty()) throw CLI::ValidationError(fault);
+  }
   int run() const { return run_(); }  // runs the chosen command and returns the exit code
   int exit_code_of_trouble() const { return exit_code_of_trouble_; }
 
@@ -417,7 +423,7 @@ int main(int argc, char** argv) {
   const std::span words(argv, static_cast<std::size_t>(argc));
   const bool rehearses = argc > 1 && std::string_view(argv[1]) == "rehearse";  // it reads its own arguments
   if (!rehearses)
-    if (const auto code = shearbus::program::parse(app, argc, argv)) return *code;
+    if (const auto code = shearbus::program::parse(app, argc, argv, [&] { commands.check_keys(); })) return *code;
   try {
     if (rehearses) ctl::rehearse(words.subspan(2));
     return shearbus::program::end_program("shearbus-ctl", commands.run());

@@ -108,6 +108,8 @@ class Programs(unittest.TestCase):
             (["shearbus-ctl", "status", "--sever", "ipc:///nowhere/s"], "--sever is no option of shearbus-ctl status; did you mean --server?"),
             (["shearbus-ctl", "top", "--server", "ipc:///nowhere/s", "--by", "hotest"],
              "--by: expected hottest, fastest or molten, found hotest; did you mean hottest?"),
+            (["shearbus-ctl", "ping", "--server", "tcp://nowhere:1", "--key", "x"],
+             "--server-key and --key go together: the server's public key and one's own secret key"),
             (["shearbus-hydro", "x.toml", "--interface-law", "foo"],
              "--interface-law: expected subgrid, coulomb_tresca, free_slip, stick or constant, found foo"),
             (["shearbus-replay", __file__], f"--scene: a history needs it, and {__file__} is no event log"),
