@@ -2,6 +2,7 @@
 """Two blocks slide on each other, on meshes that do not match: GetFEM assembles, this file integrates, shearbus answers the friction.
 
 getfem_host.py two_half_spaces | finite_plate | brake | hot_spot   far_field | stick"""
+import pathlib
 import sys
 import getfem
 import numpy as np
@@ -9,6 +10,7 @@ import shearbus
 from scipy import sparse
 
 PERIOD, DT = 120e-6, 1.2e-9  # m along the interface, where all repeats; s
+SCENES = pathlib.Path(__file__).resolve().parent
 X, Z = 0, 1  # along the interface and across it
 
 
@@ -96,9 +98,9 @@ def run(soft, hard, steps, form, scene, **opening):
 def problem(name, form):
     """Returns the blocks of a problem and its run."""
     pressure, velocity, depth, steps = 1e9, 100.0, 1e-3, 250
-    scene, opening = "client/examples/constant_friction.toml", {"parameters": {"interface.friction_coefficient": 0.05}}
+    scene, opening = SCENES / "constant_friction.toml", {"parameters": {"interface.friction_coefficient": 0.05}}
     if name == "hot_spot":
-        pressure, scene = 11.2e9, "client/examples/softening_friction.toml"
+        pressure, scene = 11.2e9, SCENES / "softening_friction.toml"
         opening = {"initial_temperature": np.where(np.arange(12) == 6, 1000.0, 300.0), "check_closure": "off"}  # soft nodes share hard ones
     if name in ("finite_plate", "brake"):
         velocity, depth, steps = (100.0, 0.5e-3, 520) if name == "finite_plate" else (30.0, 0.5e-3, 850)

@@ -9,6 +9,7 @@ import argparse
 import importlib.util
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -116,7 +117,7 @@ def faults(host, path, build):
     for form in FORMS:
         command = [sys.executable, "-B", "-m", "shearbus.conformity", *(word for name in ("two_half_spaces", "finite_plate", "restart") for word in ("--scenario", name)),
                    "--", sys.executable, "-B", str(path), "@problem", form]
-        kit = subprocess.run(command, cwd=SOURCE, env=environment(build), text=True, capture_output=True)
+        kit = subprocess.run(command, env=environment(build), text=True, capture_output=True)
         if kit.returncode:
             yield f"the conformity kit, {form}: {kit.stdout[-2000:]}{kit.stderr[-1000:]}"
 
@@ -132,6 +133,8 @@ def faults_of_host(source, build):
     with tempfile.TemporaryDirectory(prefix="shearbus-") as directory:
         path = pathlib.Path(directory, "getfem_host.py")
         path.write_text(source)
+        for scene in ("constant_friction.toml", "softening_friction.toml"):
+            shutil.copy(HOST.with_name(scene), directory)
         yield from faults(loaded(path), path, build)
 
 
@@ -156,7 +159,7 @@ def measure(columns, rows, steps=60, first=10):
     for form in FORMS:
         calls.clear()
         ends = []
-        for _ in host.run(soft, hard, steps, form, "client/examples/constant_friction.toml", check_closure="off",
+        for _ in host.run(soft, hard, steps, form, HOST.with_name("constant_friction.toml"), check_closure="off",
                           parameters={"interface.friction_coefficient": 0.05}):
             ends.append((time.perf_counter(), time.thread_time()))
         inside = numpy.array(calls).reshape(steps, 2, 2).sum(1)[first:]
@@ -191,7 +194,7 @@ def main():
     parser.add_argument("--measure", type=whole_number, nargs=2, metavar=("COLUMNS", "ROWS"))
     options = parser.parse_args()
     os.environ.update(environment(options.build))
-    os.chdir(SOURCE)  # where the page stands
+    os.chdir("/")  # the host finds its scenes from any directory
     if options.measure:
         measure(*options.measure)
         found = []
