@@ -9,8 +9,9 @@ import pathlib
 
 import h5py
 import numpy
+import style
 from paraview import simple
-from terminal import Parser, printable, real_number
+from terminal import Parser, printable, read_json, real_number
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
@@ -93,6 +94,8 @@ def scene(run, time):
         bar.AddRangeLabels, bar.UseCustomLabels, bar.CustomLabels = 0, 1, list(numpy.arange(low, high, float(f"{(high - low) / 4:.1g}")))
     text = simple.Show(simple.Text(Text=f"{pathlib.Path(run).resolve().name}, {1e6 * row_time:.2f} µs; sections: pressure from -1 (white) to 8 GPa (black)"), view)
     text.Color, text.FontSize, text.WindowLocation = [0.1, 0.1, 0.1], 20, "Upper Center"
+    footer = simple.Show(simple.Text(Text=style.provenance_text(read_json(pathlib.Path(run) / "summary.json")["provenance"])), view)
+    footer.Color, footer.FontSize, footer.WindowLocation = [0.5, 0.5, 0.5], 12, "Lower Right Corner"
     view.CameraFocalPoint, view.CameraPosition, view.CameraViewUp = [0.0, 0.0, 0.0043], [0.0, -0.085, 0.0423], [0.0, 0.0, 1.0]
     view.CameraParallelProjection, view.CameraParallelScale = 1, 0.0225
     return view

@@ -17,12 +17,13 @@ from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
-from runs import Fault, read, style_text
+from runs import Fault, read
 
 NODES = "interface node: its {} at the start (mm)"
 LEVELS = (350, 500, 750, 1000, 1250)  # contours of the interface temperature (K)
 ISOLINES = "#7fd6ff"  # seen on the dark and on the bright end of the scale, and no other line
-FRONT = {"color": "white", "lw": 1.2, "ls": (0, (4, 1.6)), "path_effects": [withStroke(linewidth=2.8, foreground="black")]}
+FRONT = {"color": "black", "lw": 1.2, "ls": (0, (4, 2)),  # on a white line without gaps
+         "path_effects": [withStroke(linewidth=2.8, foreground="white", dashes={"dash_offset": 0, "dash_list": None})]}
 WHERE = {"coulomb_tresca": ", of the zones at the flank"}  # what the temperature of a law without a layer is
 SURFACE = {0.0: "on the axis", 0.5: "at half the radius"}  # by the share of the radius
 SURFACE_LABEL = "velocity of the cone's free surface (m/s)"
@@ -124,11 +125,10 @@ def displacement(runs):
 
 
 def front(run):
-    """Returns when the shock reaches each node (µs): the first time its pressure exceeds a tenth of its highest; NaN
-    if it never rises."""
-    pressure = run["pressure"]
-    above = pressure > 0.1 * pressure.max(axis=0)
-    return np.where(above.any(axis=0) & (pressure.max(axis=0) > 0), run.time[above.argmax(axis=0)], np.nan)
+    """Returns when the shock reaches each node (µs): the first time its pressure exceeds a tenth of the highest of all
+    nodes; NaN if it never does."""
+    above = run["pressure"] > 0.1 * max(run["pressure"].max(), 0.0)
+    return np.where(above.any(axis=0), run.time[above.argmax(axis=0)], np.nan)
 
 
 def melting_outline(axis, run):
@@ -162,14 +162,13 @@ def isolines(*maps):
 def draw_map(axis, run, name, span):
     """Draws the map of one quantity of a run, grey where the contact is open, with the line of the shock. Returns what
     a colour bar needs, the contours or None, and whether a node melts."""
-    axis.set_facecolor(style.OPEN)
     nodes = run.place * 1e3  # the height moves with the metal: each node keeps its line
     lines, molten = None, False
     if name == "regime":
         values, colours = np.ma.masked_equal(run["regime"], 0), style.regime_colours()
     else:
         values, colours = shown(run, name), {"cmap": style.COLOUR_MAPS[style.QUANTITIES[name][2]], **span}
-    image = axis.pcolormesh(run.time, nodes, values.T, shading="nearest", rasterized=True, **colours)
+    image = style.space_time(axis, run.time, nodes, values, **colours)
     if name != "regime":
         levels = isolines(values) if name == "interface_temperature" else []
         lines = axis.contour(run.time, nodes, values.T, levels=levels, colors=ISOLINES, linewidths=0.9) if levels else None
@@ -182,8 +181,7 @@ def draw_difference(axis, runs, name):
     """Draws the map of the first run less that of the second. Returns what a colour bar needs, and its arrows."""
     values = difference(*runs, name)
     span, extend = style.limits("signed", values, percentile=100)
-    axis.set_facecolor(style.OPEN)
-    return axis.pcolormesh(runs[0].time, runs[0].place * 1e3, values.T, shading="nearest", rasterized=True, cmap=style.COLOUR_MAPS["signed"], **span), extend
+    return style.space_time(axis, runs[0].time, runs[0].place * 1e3, values, cmap=style.COLOUR_MAPS["signed"], **span), extend
 
 
 def have_difference(runs, name):
@@ -288,7 +286,7 @@ def main():
     if flat := [run for run in runs if not run.two_dimensions]:
         raise Fault(f"{flat[0].path}: expected a run in two dimensions, found one of columns or a result, which plot_histories.py draws")
     for name, figure in pictures(runs):
-        style.save(figure, options.out / name, style_text(*runs), colours=64 if name in OF_LINES else None)
+        style.save(figure, options.out / name, [run.provenance for run in runs], colours=64 if name in OF_LINES else None)
         print(f"  picture                 {printable(options.out / name)}")
 
 

@@ -16,7 +16,7 @@ import style
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from runs import Fault, read, style_text
+from runs import Fault, read
 
 MOST_LINES = 8   # lines in one panel; with more columns, some lines and the band of all columns
 MOST_PANELS = 6  # panels side by side
@@ -123,9 +123,7 @@ def draw_regimes(axis, run, columns, label):
     """Draws the map of the regimes of some columns. label: of their jump."""
     rows = jump(run)[columns]
     regular = columns.size > 1 and np.all(np.diff(rows) > 0)
-    axis.set_facecolor(style.OPEN)
-    axis.pcolormesh(run.time, rows if regular else np.arange(columns.size), np.ma.masked_equal(run["regime"][:, columns], 0).T, shading="nearest",
-                    rasterized=True, **style.regime_colours())
+    style.space_time(axis, run.time, rows if regular else np.arange(columns.size), np.ma.masked_equal(run["regime"][:, columns], 0), **style.regime_colours())
     axis.set(xlim=(0.0, min(1.1 * run.last_contact, run.time[-1])), xlabel="time (µs)", ylabel=label if regular else f"column, by {label[:-6]}")
 
 
@@ -161,7 +159,7 @@ def main():
     if cones := [run for run in runs if run.two_dimensions]:
         raise Fault(f"{cones[0].path}: expected a run of columns or a result, found a run in two dimensions, which plot_cone.py draws")
     for name, figure, left_out in pictures(runs):
-        style.save(figure, options.out / name, style_text(*runs))
+        style.save(figure, options.out / name, [run.provenance for run in runs])
         print(f"  picture                 {printable(options.out / name)}" + (f" ({left_out} panels left out)" if left_out else ""))
 
 

@@ -147,7 +147,7 @@ def main():
         style.legend_below(figure, handles + (style.regime_handles(np.unique(np.concatenate([file.values["regime"] for file in banded]))) if banded else []))
     axes[-1].set_xlabel("time (µs)")
     axes[0].set_title(f"node {node}")
-    style.save(figure, pathlib.Path(options.out), style.provenance_text(*(file.provenance for file in files)))
+    style.save(figure, pathlib.Path(options.out), [file.provenance for file in files])
 
 
 if __name__ == "__main__":

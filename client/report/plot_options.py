@@ -17,6 +17,7 @@ import begin  # noqa: F401
 import h5py
 import numpy as np
 import style
+from runs import meta_of, provenance_of
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 EXAMPLES, PROBLEMS = ROOT / "client/examples", ROOT / "hydro_stub/problems"
@@ -31,6 +32,7 @@ class Fault(Exception):
 class Replays:
     def __init__(self, programs, work):
         self.hydro, self.replay, self.work = programs / "shearbus-hydro", programs / "shearbus-replay", work
+        self.made = []  # provenance of the results since the last picture
 
     def run(self, *words):
         done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
@@ -44,7 +46,7 @@ class Replays:
         file, out = self.work / f"{name}-history.h5", self.work / f"{name}.h5"
         self.run(sys.executable, EXAMPLES / "make_history.py", history[0], file, *history[1:])
         self.run(self.replay, file, "--scene", scene, "--out", out, "--no-progress", *(word for key in keys for word in ("--set", key)))
-        return columns_of(out)
+        return self.columns_of(out)
 
     def host(self, scene, *lines):
         """Runs a scene of shearbus-hydro with other lines in place of its own for the same keys. Returns the columns of its history."""
@@ -54,14 +56,14 @@ class Replays:
         out.mkdir(exist_ok=True)
         (out / "scene.toml").write_text(text)
         self.run(self.hydro, out / "scene.toml", "--out", out / "run", "--no-plot", "--no-progress")
-        return columns_of(out / "run/history.h5")
+        return self.columns_of(out / "run/history.h5")
 
-
-def columns_of(file):
-    with h5py.File(file) as result:
-        columns = {name: data[:] for name, data in result.items() if isinstance(data, h5py.Dataset)}
-    columns["time"] = columns["time"] * 1e6
-    return columns
+    def columns_of(self, file):
+        with h5py.File(file) as result:
+            columns = {name: data[:] for name, data in result.items() if isinstance(data, h5py.Dataset)}
+            self.made.append(provenance_of(meta_of(result)[0], "", {"scene": "shipped scenes"}))
+        columns["time"] = columns["time"] * 1e6
+        return columns
 
 
 def lines(axis, run, column, scale, label, colour, dashes="-", nodes=slice(None)):
@@ -141,6 +143,9 @@ def steady(axis, replay):
     for run, label, dashes, colour in ((replay(scene, history), "as the scene", "-", WITH), (replay(scene, history, *slopes), "k, c constant", "--", WITHOUT),
                                        (replay(scene, history, "layer.far_boundary=half_space"), "half-spaces", ":", style.RUNS[2])):
         lines(axis, run, "interface_temperature", 1.0, [label, None], colour, dashes, nodes=[0, 3])
+    for node in (0, 3):
+        place = run["time"][-1], run["interface_temperature"][-1, node]
+        axis.annotate(f"{run['velocity_jump'][0, node]:g} m/s", place, ha="right", va="bottom", fontsize=8)
     axis.set(xlabel="time (µs)", ylabel=style.QUANTITIES["interface_temperature"][0])
     return "isothermal faces, k(T), thermal_softening"
 
@@ -206,7 +211,8 @@ def main():
                 axis.set_title(panel(axis, replay), fontsize=9.5)
                 axis.grid()
                 axis.legend(fontsize=8)
-            style.save(made, options.out / f"{name}.png", "shearbus-replay of shipped scenes, by plot_options.py", colours=32)
+            style.save(made, options.out / f"{name}.png", replay.made, colours=32)
+            replay.made.clear()
             print(f"written: {options.out / name}.png")
 
 

@@ -18,7 +18,7 @@ import style
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from plot_history import regime_band
-from runs import Fault, read, style_text
+from runs import Fault, read
 from scipy.special import erfc
 
 MOST_WRONG = 0.03  # of the rise of the temperature at z = 0
@@ -128,7 +128,7 @@ def main():
     runs = read([options.subgrid, options.other])
     if flat := [run for run in runs if not run.two_dimensions or run.table is None]:
         raise Fault(f"{flat[0].path}: expected a run of cone_target")
-    style.save(overview(runs, options.time), options.out, style_text(*runs))
+    style.save(overview(runs, options.time), options.out, [run.provenance for run in runs])
     print(f"  picture                 {printable(options.out)}")
 
 

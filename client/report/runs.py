@@ -9,7 +9,7 @@ import resource
 
 import h5py
 import numpy as np
-from style import QUANTITIES, REGIMES, RUNS, law_colour, law_label
+from style import QUANTITIES, REGIMES, RUNS, law_colour, law_label, provenance_text
 from terminal import read_json, read_toml
 
 MOST_ROWS = 1500  # rows of a history that are kept: more would be finer than the pixels of a picture
@@ -369,10 +369,4 @@ class Run:
 
     def footer(self):
         zones = f"{self.summary['zones']} zones" if "zones" in self.summary else ""
-        return " · ".join(part for part in (style_text(self), zones) if part)
-
-
-def style_text(*runs):
-    from style import provenance_text
-
-    return provenance_text(*(run.provenance for run in runs))
+        return " · ".join(part for part in (provenance_text(self.provenance), zones) if part)

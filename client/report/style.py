@@ -12,14 +12,15 @@ import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: E402
 from matplotlib.patches import Patch  # noqa: E402
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator  # noqa: E402
 from PIL import Image  # noqa: E402
 
 DPI = 200
 INK, SECOND, GRID, FAINT = "#1a1a1a", "#c8553d", "#d9d9d9", "#7d7d7d"
 # The values of Regime (proto/shearbus/v1/downscale.proto) by name: label and colour. The smallest difference of two
-# colours, over normal sight, deuteranopia and protanopia, is 40 (CIE 1976).
+# colours, over normal sight, deuteranopia and protanopia, is 29 (CIE 1976; open and Coulomb), and 41 without "open".
 REGIMES = {
-    "OPEN": ("open", "#f2f2f2"),
+    "OPEN": ("open", "#d0d0d0"),  # not the white of zero in a signed map
     "STICK": ("stick", "#4477AA"),
     "COULOMB": ("Coulomb", "#009E73"),
     "TRESCA": ("Tresca", "#DDAA33"),
@@ -77,6 +78,20 @@ def regime_handles(seen):
     return [Patch(facecolor=rows[i][1], edgecolor=FAINT, linewidth=0.5, label=rows[i][0]) for i in sorted(set(int(i) for i in seen))]
 
 
+def space_time(axis, time, place, values, **colours):
+    """Draws a map of masked values [time, place]; what is masked has the colour of an open contact, whose legend entry is
+    regime_handles([0]). Returns what a colour bar needs."""
+    axis.set_facecolor(OPEN)
+    return axis.pcolormesh(time, place, values.T, shading="nearest", rasterized=True, **colours)
+
+
+def round_ticks(axis):
+    """Labels a logarithmic axis at 1, 2 and 5 of each decade."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
 def limits(kind, *arrays, percentile=99.5):
     """Returns vmin, vmax and the arrows ("extend") of a colour bar for the finite values of arrays: about zero where
     both signs occur, from zero for sizes, else from the data. Values beyond the percentile are shown by the arrow."""
@@ -98,7 +113,7 @@ def provenance_text(*blocks):
     """Returns the footer for the provenance blocks of one or more runs, with every fact once."""
     parts = []
     for key in ("scene", "program", "version", "commit", "date", "machine"):
-        words = dict.fromkeys(str(block[key]) for block in blocks if block.get(key))
+        words = dict.fromkeys(str(block[key])[: 10 if key == "date" else None] for block in blocks if block.get(key))
         if words and " / ".join(words) not in " ".join(parts):  # some programs name their version with their name
             parts.append(" / ".join(words))
     return " · ".join(parts)
@@ -123,13 +138,13 @@ def legend_below(made, handles):
     made.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.17 / made.get_figheight()), ncols=columns, borderaxespad=0.0)
 
 
-def save(made, path, footer="", colours=None):
-    """Writes a figure as PNG of 200 dots an inch and closes it; path None: returns the bytes. colours: size of a
-    palette, which makes a picture of lines and areas of few colours smaller. Ends the program if it cannot be written."""
-    if footer:
-        width = int(made.get_figwidth() * 19)  # characters of the footer's size that fit
-        text = footer if len(footer) <= width else footer[: width - 1] + "…"
-        made.text(0.995, 0.006, text, ha="right", va="bottom", fontsize=7, color=FAINT)
+def save(made, path, blocks, colours=None):
+    """Writes a figure as PNG of 200 dots an inch, with a footer of provenance blocks, and closes it; path None: returns the
+    bytes. colours: size of a palette, which makes a picture of lines and areas of few colours smaller. Ends the program if
+    it cannot be written."""
+    footer = provenance_text(*blocks)
+    points = 7 * min(1.0, 19 * made.get_figwidth() / max(1, len(footer)))  # 19 characters of size 7 fit into an inch
+    made.text(0.995, 0.006, footer, ha="right", va="bottom", fontsize=points, color=FAINT)
     raw, out = io.BytesIO(), io.BytesIO()
     made.savefig(raw, dpi=DPI, format="rgba")
     size = tuple(int(inches * DPI) for inches in made.get_size_inches())

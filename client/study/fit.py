@@ -23,6 +23,7 @@ sliding_velocity and interface_temperature of every row and node, and the differ
 import argparse
 import concurrent.futures
 import csv
+import datetime
 import json
 import os
 import pathlib
@@ -41,7 +42,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "client/report"))
 sys.path.insert(0, str(ROOT / "proto"))
 import contract  # noqa: E402
-from runs import flat  # noqa: E402
+from runs import flat, meta_of, provenance_of  # noqa: E402
 from scene_text import with_value  # noqa: E402
 from terminal import Parser, complain, positive_count, read_text, read_toml, real_number  # noqa: E402
 
@@ -174,10 +175,14 @@ class Metal:
     """The soft metal of a scene, as a run that StressStrain looks at."""
 
     units = {"stress": "Pa"}
-    provenance = {"program": "shearbus-study curve"}
 
     def __init__(self, program, scene):
         self.program, self.scene, self.done = program, scene, {}
+
+    @property
+    def provenance(self):
+        made = json.loads(subprocess.run([self.program, "--version", "--json"], capture_output=True, text=True, check=True).stdout)
+        return {**made, "scene": read_toml(self.scene).get("name", ""), "program": "shearbus-study curve", "date": str(datetime.date.today())}
 
     def stress(self, strain, rate, temperature, taylor_quinney):
         key = (strain.tobytes(), rate, temperature, taylor_quinney)
@@ -202,7 +207,7 @@ class Run:
             self.step = file["dt"][:] if "dt" in file else np.diff(self.time, prepend=file["time"].attrs["t0"])
             self.of = {name: data[:, nodes] for name, data in file.items() if isinstance(data, h5py.Dataset) and data.ndim == 2 and data.dtype.kind == "f"}
             meta = file["meta"].attrs
-            self.provenance = {"scene": meta.get("scene_name", ""), "program": meta.get("producer", ""), "commit": meta.get("commit", "")}
+            self.provenance = provenance_of(meta_of(file)[0], meta.get("scene_name", ""))
             self.units = {name: file[name].attrs["units"].decode() for name in self.of} | {"slip_distance": "m"}
             self.of_step = {name for name in self.of if re.search(r"\b(during|mean of|in) (the|this) step", str(file[name].attrs["long_name"]))}
         self.of["slip_distance"] = np.cumsum(np.abs(self.of["sliding_velocity"]) * self.step[:, None], axis=0)
@@ -415,9 +420,9 @@ def draw(path, curves, run):
         upper.set_ylabel(f"{curve.quantity.replace('_', ' ')} ({run.units[curve.quantity]})")
         upper.set_ylim(bottom=min(0.0, upper.get_ylim()[0]))
         upper.legend()
-        lower.set_ylabel("measured - fitted")
+        lower.set_ylabel(f"measured\n− fitted ({run.units[curve.quantity]})", fontsize=8)
         lower.set_xlabel("plastic strain" if strained else "time (µs)")
-    style.save(made, path, style.provenance_text(run.provenance))
+    style.save(made, path, [run.provenance])
 
 
 def write_sensitivities(path, model):

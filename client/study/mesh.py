@@ -125,7 +125,7 @@ def draw(found, out):
              title=f"{found['scene']}, zones of {', '.join(f'{zone * 1e3:g}' for zone in found['zones_m'])} mm")
     axis.grid()
     style.legend_below(figure, drawn)
-    style.save(figure, out / "mesh.png", style.provenance_text({**made["provenance"], "program": f"shearbus-study mesh, law {found['law']}", "date": made["provenance"]["date"][:10]}), colours=64)
+    style.save(figure, out / "mesh.png", [{**made["provenance"], "program": f"shearbus-study mesh, law {found['law']}"}], colours=64)
     print(f"\nwritten: {out / 'mesh.png'}, {out / 'mesh.json'}")
 
 

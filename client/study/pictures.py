@@ -19,7 +19,7 @@ def arguments(description):
 
 def save(figure, out, study):
     """Writes a picture with the study's provenance as footer."""
-    known = {"program": f"shearbus-study {study['study']}", "version": study["version"], "commit": study["commit"], "date": study["date"],
-             "machine": study["processor"]}
-    style.save(figure, out, style.provenance_text(known), colours=128)
+    made = study["provenance"]
+    known = {**made, "scene": pathlib.Path(made["scene"]).stem, "program": f"shearbus-study {study['study']}", "machine": study["processor"]}
+    style.save(figure, out, [known], colours=128)
     print(f"written: {out}")

@@ -10,9 +10,11 @@ NAMED = {  # integrator, cells, accuracy of the modes, grading -> label and colo
     ("sdirk2", 0, 1e-3, 1.0): ("modes 1e-3, SDIRK2", "#2a8fbd"),
 }
 FRONT = "efficient: nothing is better and faster"
+UNRESOLVED = {"facecolor": "#ebebeb", "edgecolor": style.FAINT, "linewidth": 0.5}
 
 
 def panel(axes, problem):
+    """Draws a problem. Returns the settings of its lines."""
     lines = {}
     for run in problem["runs"]:
         if run["temperature_error"] is not None:
@@ -25,30 +27,29 @@ def panel(axes, problem):
     axes.plot(*zip(*front), color=style.INK, linewidth=2.6, zorder=4)
     resolved = 10 * problem["uncertainty"]  # as kResolved of precision.cpp
     if resolved > 1e-9:
-        axes.axhspan(1e-9, resolved, color=style.OPEN)
+        axes.axhspan(1e-9, resolved, **UNRESOLVED)
     axes.set(xscale="log", yscale="log", ylim=(1e-8, 1), title=problem["title"])
     axes.set_yticks([1e-8, 1e-6, 1e-4, 1e-2, 1])
     axes.grid()
+    return set(lines)
 
 
 def main():
     study, out = arguments(__doc__)
     problems = study["problems"]
-    columns = min(3, len(problems))
-    rows = -(-len(problems) // columns)
+    columns = min(3, len(problems) + 1)
+    rows = -(-(len(problems) + 1) // columns)  # with a place for the legend
     figure, grid = style.figure(rows, columns, (3.6 * columns, 3.1 * rows + 0.3), squeeze=False, sharey=True)
     flat = list(grid.flat)
-    for axes, problem in zip(flat, problems):
-        panel(axes, problem)
+    drawn = set().union(*(panel(axes, problem) for axes, problem in zip(flat, problems)))
     for row in grid:
         row[0].set_ylabel("largest error of T0 / (T_melt - T_ref)", fontsize=9)
     keys = [style.plt.Line2D([], [], color=style.INK, linewidth=2.6, label=FRONT)]
-    keys += [style.plt.Line2D([], [], color=colour, linewidth=1.8, marker="o", markersize=4, label=label) for label, colour in NAMED.values()]
-    keys += [style.plt.Line2D([], [], color=style.GRID, label="all other settings"), style.Patch(color=style.OPEN, label="not resolved by the reference")]
-    spare = flat[len(problems):]
-    for axes in spare:
+    keys += [style.plt.Line2D([], [], color=colour, linewidth=1.8, marker="o", markersize=4, label=label) for key, (label, colour) in NAMED.items() if key in drawn]
+    keys += [style.plt.Line2D([], [], color=style.GRID, label="all other settings"), style.Patch(**UNRESOLVED, label="not resolved by the reference")]
+    for axes in flat[len(problems):]:
         axes.axis("off")
-    (spare[0] if spare else flat[0]).legend(handles=keys, fontsize=10 if spare else 7, loc="center" if spare else "lower left")
+    flat[len(problems)].legend(handles=keys, fontsize=10, loc="center")
     for axes in [a for i, a in enumerate(flat) if i < len(problems) and i + columns >= len(problems)]:
         axes.set_xlabel("processor time of a node's run (µs)")
     save(figure, out, study)

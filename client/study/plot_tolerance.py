@@ -32,6 +32,7 @@ def main():
         axes.set(xscale="log", yscale="log", xlabel="tolerance requested")
         axes.invert_xaxis()
         axes.grid()
+    style.round_ticks(costs.yaxis)
     handles = [style.plt.Line2D([], [], color=colour, linewidth=1.8, label=label) for _, _, label, colour in labels[0]]
     if "histories" in study:
         handles.append(style.plt.Line2D([], [], color=style.FAINT, linewidth=5, label=f"{study['histories'][0]['histories']} random histories"))

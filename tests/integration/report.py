@@ -122,7 +122,7 @@ class Report(unittest.TestCase):
         directory = cls.path / "figures"
         figure, axis = style.figure(1, 1, (6, 3))
         axis.plot([0, 1])
-        style.save(figure, directory / "figure_12.png")
+        style.save(figure, directory / "figure_12.png", [])
         (directory / "figures.json").write_text(json.dumps([{"figure": "12", "title": "profiles", "file": "figure_12.png", "agrees": ["It falls."], "differs": "By a fifth.", "note": "A quick look."}] * 2))
         return directory
 
@@ -133,6 +133,23 @@ class Report(unittest.TestCase):
             on_axis = file["axial_velocity"][:, int(file["radius"][0].argmin())]
             self.assertGreater(file["radius"][0, 0], file["radius"][0, -1], "the file follows the surface, from the rim")
         np.testing.assert_array_equal(runs.Run(self.cones[0]).surface[1][:, 0], on_axis)
+
+    def test_a_footer_has_scene_program_version_commit_and_date(self):
+        import runs
+        import style
+
+        for path in (self.cones[0], self.column, self.result):
+            block = runs.Run(path).provenance
+            facts = [block[fact] for fact in ("scene", "program", "version", "commit")] + [block["date"][:10]]
+            self.assertNotIn("", facts)
+            for fact in facts:
+                self.assertIn(fact, style.provenance_text(block))
+
+    def test_an_open_contact_does_not_look_like_zero(self):
+        import style
+
+        zero = style.plt.colormaps[style.COLOUR_MAPS["signed"]](0.5)
+        self.assertGreater(min(zero[:3]), 0.1 + int(style.OPEN[1:3], 16) / 255)
 
     def test_the_page_says_what_the_run_found(self):
         page = self.reports["cone"].read_text()

@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 """Holds all pictures to one look: client/report/style.py has the colour of each regime, under the names of the enum
 Regime, and no other file gives a regime a colour: it has neither the colours of style.py nor a colour next to the
-name of a regime. With --self-test each rule must fail on a tree made for it."""
+name of a regime. A file that writes pictures writes their footer by style.py. With --self-test each rule must fail on
+a tree made for it."""
 import argparse
 import pathlib
 import re
@@ -29,7 +30,10 @@ def faults(root):
         name = path.relative_to(root).as_posix()
         if name in (STYLE, f"tests/tidy/{pathlib.Path(__file__).name}"):
             continue
-        for number, line in enumerate(path.read_text().splitlines(), 1):
+        text = path.read_text()
+        if re.search(r"\.(?:savefig|SaveScreenshot)\(", text) and "provenance_text(" not in text:
+            yield f"{name}: writes a picture without the footer of {STYLE}: use save() or provenance_text()"
+        for number, line in enumerate(text.splitlines(), 1):
             if any(colour in line.lower() for colour in colours):
                 yield f"{name}:{number}: has a colour of a regime; take it from {STYLE}"
             elif NAMED.search(line):
@@ -44,8 +48,9 @@ def self_test():
         (root / "proto/shearbus/v1/downscale.proto").write_text("enum Regime {\n  REGIME_OPEN = 0;  // no contact\n  REGIME_STICK = 1;\n}\n")
         (root / STYLE).write_text('REGIMES = {\n    "OPEN": ("open", "#f2f2f2"),\n}\n')
         (root / "hydro_stub/a.py").write_text('x = "#F2F2F2"\ny = {"stick": "tab:blue"}\nz = [("Coulomb", "#123456")]\nlaws = {"stick": ("stick", 3)}\n')
+        (root / "deploy/b.py").write_text("plt.savefig('x.png')\n")
         found = "\n".join(faults(root))
-        expected = ("REGIMES are not those", "a.py:1: has a colour", "a.py:2: gives a regime", "a.py:3: gives a regime")
+        expected = ("b.py: writes a picture without", "REGIMES are not those", "a.py:1: has a colour", "a.py:2: gives a regime", "a.py:3: gives a regime")
         return [f"self-test: rule did not fire: {rule}" for rule in expected if rule not in found] + ["self-test: too many faults"] * (len(found.splitlines()) != len(expected))
 
 

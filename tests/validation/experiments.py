@@ -95,7 +95,7 @@ def table(residuals):
     return "\n".join(rows)
 
 
-def draw(curves, out):
+def draw(curves, summary, out):
     import style  # draws with matplotlib, which the comparison does not need
     figure, (plates, bar) = style.figure(1, 2, (11.0, 4.4))
     time, velocity = measured("copper_plates")
@@ -110,7 +110,8 @@ def draw(curves, out):
     bar.set(xlabel="radius (mm)", ylabel="height above the wall (mm)", ylim=(0.0, 28.0), title="bar of copper, 214 m/s, at rest")
     for axes in (plates, bar):
         axes.legend()
-    style.save(figure, out, "hydro_stub/problems/validation; data: Thomas 2016, Allen 1997, digitised in lanl/impala", colours=64)
+    made = json.loads(summary.read_text())["provenance"]
+    style.save(figure, out, [{**made, "scene": "copper_plates, copper_bar; data: Thomas 2016, Allen 1997, digitised in lanl/impala"}], colours=64)
 
 
 def main():
@@ -121,12 +122,13 @@ def main():
     parser.add_argument("--picture", type=pathlib.Path)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        curves, residuals = compare(options.hydro, options.metal, options.out or pathlib.Path(scratch))
+        directory = options.out or pathlib.Path(scratch)
+        curves, residuals = compare(options.hydro, options.metal, directory)
+        if options.picture:
+            draw(curves, next(directory.glob("*/run/summary.json")), options.picture)
     print(table(residuals))
     if options.out:
         (options.out / "experiments.json").write_text(json.dumps(residuals, indent=2) + "\n")
-    if options.picture:
-        draw(curves, options.picture)
 
 
 if __name__ == "__main__":

@@ -25,11 +25,10 @@ PROBLEMS, EXAMPLES = ROOT / "hydro_stub/problems", ROOT / "client/examples"
 sys.path.insert(0, str(ROOT / "client/report"))
 import style  # noqa: E402
 from matplotlib.collections import PolyCollection  # noqa: E402
-from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: E402
-from matplotlib.patches import Patch  # noqa: E402
+from runs import meta_of, provenance_of, scene_of  # noqa: E402
 from terminal import Parser  # noqa: E402
 
-plt, save, INK, FAINT = style.plt, style.save, style.INK, style.FAINT
+plt, INK, FAINT = style.plt, style.INK, style.FAINT
 REGIMES = tuple(style.REGIMES.values())
 LAWS = {law: style.LAWS[law] for law in ("subgrid", "coulomb_tresca")}
 SIGNED, SIZE, TEMPERATURE = (style.COLOUR_MAPS[kind] for kind in ("signed", "size", "temperature"))
@@ -47,7 +46,7 @@ class Programs:
 
     def __init__(self, directory, out, coarse):
         self.directory, self.out, self.coarse = directory, out, coarse
-        self.done = {}
+        self.done, self.made = {}, []  # runs by name; provenance of those that a figure used
 
     def command(self, name):
         path = self.directory / name
@@ -81,7 +80,10 @@ class Programs:
                          [sys.executable, EXAMPLES / "make_history.py", "constant", "{}/history.h5"],
                          [self.command("shearbus-replay"), "{}/history.h5", "--scene", scene, "--out", "{}/result.h5", "--no-progress",
                           "--profile-nodes", "0", "--profile-times", ",".join(f"{t:g}" for t in PROFILE_TIMES)])
-        return h5py.File(where / "result.h5")
+        file = h5py.File(where / "result.h5")
+        meta, text = meta_of(file)
+        self.made.append(provenance_of(meta, scene_of(text)["name"]))
+        return file
 
     def map(self):
         """Limits of the velocity-driven model over pressure and jump. Returns map.json."""
@@ -89,7 +91,9 @@ class Programs:
         size = ["--pressures", 6, "--velocities", 16, "--dt", 2e-9] if self.coarse else ["--pressures", 13, "--velocities", 49, "--dt", 1e-9]
         where = self.run("validity_map", scene.read_text(), [self.command("shearbus-study"), "map", scene, "--out", "{}",
                                                              "--times", 1e-7, 1e-6, *size])
-        return json.loads((where / "map.json").read_text())
+        found = json.loads((where / "map.json").read_text())
+        self.made.append(found["provenance"])
+        return found
 
     def cone(self, scene, law, wider=1):
         """Returns a run of a scene of cone_target, on zones so many times as wide as the scene's."""
@@ -104,7 +108,9 @@ class Programs:
         file = self.out / "runs" / (f"{scene}.toml" if wider == 1 else f"{scene}-x{wider}.toml")
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text)
-        return Cone(self.run(name, text, [self.command("shearbus-hydro"), file, "--interface-law", law, "--out", "{}", "--no-plot", "--no-progress"]), law)
+        made = Cone(self.run(name, text, [self.command("shearbus-hydro"), file, "--interface-law", law, "--out", "{}", "--no-plot", "--no-progress"]), law)
+        self.made.append(made.summary["provenance"])
+        return made
 
     def on_two(self, scene, law, value, form="{:.0f}"):
         """Returns the text of a number of a run on the scene's zones, with that on zones twice as wide."""
@@ -224,6 +230,8 @@ def figure_12(programs):
         near.plot(z, row * 1e-6, color=colour, lw=1.3, marker=".", ms=3)
     near.set(xlim=(0, 0.5), ylim=(0, None))
     near.set_title("next to the interface", fontsize=8)
+    near.set_xlabel("z (µm)", fontsize=7, labelpad=1)
+    near.set_ylabel("Y (MPa)", fontsize=7, labelpad=1)
     near.tick_params(labelsize=7)
     axes[0, 1].legend(title="time", loc="lower left")
     made.suptitle("Fig. 12: profiles across the layer, 100 m/s at 11.2 GPa")
@@ -354,8 +362,7 @@ def figure_17(programs):
 
 
 def space_time(axis, run, values, **colours):
-    axis.set_facecolor(REGIMES[0][1])
-    image = axis.pcolormesh(run.time, run.place, values.T, shading="nearest", rasterized=True, **colours)
+    image = style.space_time(axis, run.time, run.place, values, **colours)
     axis.set(xlabel="time (µs)", xlim=(0.0, 1.05 * run.last_contact))
     return image
 
@@ -364,11 +371,10 @@ def branches(programs, number, law):
     """Figs 18 and 19: the branch of the friction law along the flank, and the slip that each branch carries."""
     agrees, differs = [], []
     run = programs.cone("cone_as_printed", law)
-    made, axes = figure(1, 2, (9.5, 4.4), width_ratios=(2.2, 1))
-    space_time(axes[0, 0], run, run.regime, cmap=ListedColormap([colour for _, colour in REGIMES]), norm=BoundaryNorm(np.arange(len(REGIMES) + 1) - 0.5, len(REGIMES)))
+    made, axes = figure(1, 2, (9.5, 4.4), legend=True, width_ratios=(2.2, 1))
+    space_time(axes[0, 0], run, run.closed(run.regime), **style.regime_colours())
     axes[0, 0].set_ylabel("interface node: its z at the start (mm)")
-    axes[0, 0].legend(handles=[Patch(facecolor=REGIMES[i][1], edgecolor=FAINT, lw=0.5, label=REGIMES[i][0]) for i in np.unique(run.regime)],
-                      loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=len(REGIMES))
+    style.legend_below(made, style.regime_handles(np.unique(run.regime)))
     names, shares = zip(*((name, run.slip_share(i)) for i, (name, _) in enumerate(REGIMES) if i > 1))
     axes[0, 1].barh(names, 100 * np.array(shares), color=[colour for _, colour in REGIMES[2:]])
     axes[0, 1].set(xlabel="share of the slip (%)", xlim=(0, 100))
@@ -404,7 +410,8 @@ def figure_19(programs):
 def figure_20(programs):
     agrees, differs = [], []
     run = programs.cone("cone_al_steel", "subgrid")
-    made, axes = figure(1, 1, (7.2, 4.4))
+    made, axes = figure(1, 1, (7.2, 4.4), legend=True)
+    style.legend_below(made, style.regime_handles([0]))
     image = space_time(axes[0, 0], run, run.closed(run.T0), cmap=TEMPERATURE, vmin=300.0, vmax=run.T0.max())
     made.colorbar(image, ax=axes[0, 0], label="interface temperature T0 (K)")
     axes[0, 0].set(ylabel="interface node: its z at the start (mm)", title="Fig. 20: interface temperature with the subgrid model")
@@ -419,7 +426,8 @@ def figure_20(programs):
 def pair(programs, number, title, label, values):
     """Figs 21 and 22: a signed quantity of both laws side by side, zero white, cut at the last contact."""
     runs = [programs.cone("cone_al_steel", law) for law in ("coulomb_tresca", "subgrid")]
-    made, axes = figure(1, 2, (10.0, 4.4), sharey=True)
+    made, axes = figure(1, 2, (10.0, 4.4), legend=True, sharey=True)
+    style.legend_below(made, style.regime_handles([0]))
     largest = max(np.abs(run.closed(values(run))).max() for run in runs)
     for axis, run in zip(axes[0], runs):
         image = space_time(axis, run, run.closed(values(run)), cmap=SIGNED, vmin=-largest, vmax=largest)
@@ -492,9 +500,10 @@ def main():
     programs = Programs(options.bin.resolve(), options.out.resolve(), options.coarse)
     listed = []
     for number in sorted(set(map(int, wanted))):
+        programs.made.clear()
         made, scene, agrees, differs = globals()[f"figure_{number}"](programs)
         name = f"figure_{number}.png"
-        save(made, options.out / name)
+        style.save(made, options.out / name, [block for block in programs.made if block["scene"] == scene])
         listed.append({"figure": number, "title": TITLES[number], "file": name, "scene": scene, "agrees": agrees, "differs": differs, "note": COARSE * options.coarse})
         print(f"{name}: {TITLES[number]}", flush=True)
         for word, sentences in (("agrees", agrees), ("differs", differs)):

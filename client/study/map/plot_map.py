@@ -33,7 +33,7 @@ PANELS = [  # column of nodes.csv, title, colour map, scale, logarithmic
 class Map:
     def __init__(self, directory):
         self.json = read_json(directory / "map.json")
-        self.provenance = {"program": "shearbus-study map", "version": self.json.get("version", self.json.get("server_version", ""))}
+        self.provenance = {**self.json.get("provenance", {}), "program": "shearbus-study map"}
         self.pressure = np.array(self.json["pressure_pa"]) * 1e-9
         self.velocity = np.array(self.json["velocity_jump_m_per_s"])
         self.times = [seen["time_s"] for seen in self.json["observations"]]
@@ -97,16 +97,14 @@ def draw_limits(the_map):
     left.legend(handles=[Line2D([], [], color=shade, lw=3, label=microseconds(t)) for t, shade in zip(the_map.times, shades)], loc="upper right")
     melting = np.ma.masked_invalid(the_map.columns["melting_time_s"][-1] * 1e6)
     axes_of(right, f"time to melting (grey: later than {microseconds(the_map.times[-1])})")
-    right.set_facecolor(style.OPEN)
+    right.set_facecolor(style.GRID)
     if melting.count() > 3:
         levels = np.geomspace(melting.min(), melting.max() * (1 + 1e-9), 16)
         image = right.contourf(the_map.pressure, the_map.velocity, melting.T, levels=levels, cmap="plasma_r", norm=LogNorm(levels[0], levels[-1]))
-        lines = right.contour(the_map.pressure, the_map.velocity, melting.T, levels=[t * 1e6 for t in the_map.times if levels[0] < t * 1e6 < levels[-1]],
-                              colors=style.INK, linewidths=1)
-        right.clabel(lines, fmt="%g µs", fontsize=9)
-        bar = figure.colorbar(image, ax=right, label=f"time to {style.MELTING_LABEL} (µs)", format="%.2g")
-        bar.ax.minorticks_off()
-    right.set_ylim(the_map.velocity[0], the_map.velocity[-1])
+        if seen := [t * 1e6 for t in the_map.times if levels[0] < t * 1e6 < levels[-1]]:
+            right.clabel(right.contour(the_map.pressure, the_map.velocity, melting.T, levels=seen, colors=style.INK, linewidths=1), fmt="%g µs", fontsize=9)
+        style.round_ticks(figure.colorbar(image, ax=right, label=f"time to {style.MELTING_LABEL} (µs)").ax.yaxis)
+    right.set(xlim=the_map.pressure[[0, -1]], ylim=the_map.velocity[[0, -1]])
     style.legend_below(figure, handles(style.FAINT))
     return figure
 
@@ -124,7 +122,7 @@ def main():
         return 1
     out.mkdir(parents=True, exist_ok=True)
     for name, draw in (("limits.png", draw_limits), ("fields.png", draw_fields)):
-        style.save(draw(the_map), out / name, style.provenance_text(the_map.provenance))
+        style.save(draw(the_map), out / name, [the_map.provenance])
         print(out / name)
     return 0
 
