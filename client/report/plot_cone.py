@@ -22,8 +22,8 @@ from runs import Fault, read
 NODES = "interface node: its {} at the start (mm)"
 LEVELS = (350, 500, 750, 1000, 1250)  # contours of the interface temperature (K)
 ISOLINES = "#7fd6ff"  # seen on the dark and on the bright end of the scale, and no other line
-FRONT = {"color": "black", "lw": 1.2, "ls": (0, (4, 2)),  # on a white line without gaps
-         "path_effects": [withStroke(linewidth=2.8, foreground="white", dashes={"dash_offset": 0, "dash_list": None})]}
+FRONT = {"color": "black", "lw": 1.6, "ls": (0, (2.2, 1.8)),  # on a white line without gaps
+         "path_effects": [withStroke(linewidth=2.4, foreground="white", dashes={"dash_offset": 0, "dash_list": None})]}
 WHERE = {"coulomb_tresca": ", of the zones at the flank"}  # what the temperature of a law without a layer is
 SURFACE = {0.0: "on the axis", 0.5: "at half the radius"}  # by the share of the radius
 SURFACE_LABEL = "velocity of the cone's free surface (m/s)"

@@ -121,8 +121,8 @@ def main():
         complain("plot_map.py", fault)
         return 1
     out.mkdir(parents=True, exist_ok=True)
-    for name, draw in (("limits.png", draw_limits), ("fields.png", draw_fields)):
-        style.save(draw(the_map), out / name, [the_map.provenance])
+    for name, draw, colours in (("limits.png", draw_limits, 64), ("fields.png", draw_fields, None)):
+        style.save(draw(the_map), out / name, [the_map.provenance], colours)
         print(out / name)
     return 0
 
