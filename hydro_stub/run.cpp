@@ -72,7 +72,7 @@ void run(const guest::HydroScene& scene, const ColumnProblem& problem, Interface
 
   RunTime time;
   const Clock::time_point start = Clock::now();
-  program::stop_at_next_step();
+  program::stop_at_next_step(2);
   for (std::uint64_t step = 0; step < problem.steps; ++step) {
     if (program::interrupted()) {
       throw std::runtime_error(fmt::format("interrupted at step {} of {}; no result is written", step, problem.steps));

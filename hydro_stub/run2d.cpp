@@ -283,7 +283,7 @@ void run_problem2d(const SceneFile& file, const guest::HydroScene& effective, Pr
                    const RunOptions& options, const files::DumpReader* from) {
   std::filesystem::create_directories(options.out);
   if (from == nullptr) remove_results(options.out);
-  program::stop_at_next_step();
+  program::stop_at_next_step(2);
   Run(file, effective, std::move(problem), law, options, from).to_the_end();
 }
 

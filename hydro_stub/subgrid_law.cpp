@@ -11,22 +11,26 @@
 #include "client/src/program_door.hpp"
 #include "hydro_stub/restart.hpp"
 #include "proto/program/interrupt.hpp"
+#include "proto/program/program.hpp"
 #include "server/explain.hpp"
 
 namespace shearbus::hydro {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-// Longest wait for the server of a run that is to stop: what it needs to end a step and to save its state.
-constexpr std::chrono::seconds kLastWait{2};
-
 struct Calls {
-  bool opened = false;      // whether the session is open; until then make_law() tells the doubts about the scene
-  Clock::time_point begun;  // start of the last call in the run
+  bool opened = false;  // whether the session is open; until then make_law() tells the doubts about the scene
+  bool told = false;    // whether the user of an interrupted run knows what it waits for
 };
 
-Options session_options(const SubgridServer& server, const std::shared_ptr<const Calls>& calls) {
+// Whether the host ends a call that waits for the server. The first interrupt does not: the run needs the answer, and one
+// more to save the states of the layers, before it can write a restart dump.
+bool ends_call(Calls& calls) {
+  if (program::interrupted() && !std::exchange(calls.told, true))
+    program::complain("shearbus-hydro: interrupted; waits for the server; another interrupt ends the run at once");
+  return program::interrupted_again();
+}
+
+Options session_options(const SubgridServer& server, const std::shared_ptr<Calls>& calls) {
   Options options;
   options.name = "shearbus-hydro";
   options.endpoint = server.address.endpoint;
@@ -34,7 +38,7 @@ Options session_options(const SubgridServer& server, const std::shared_ptr<const
   options.secret_key_file = server.address.secret_key_file;
   options.check_closure = server.check_closure ? SHEARBUS_CHECK_WARN : SHEARBUS_CHECK_OFF;
   options.ignore_environment = true;  // the command line decides
-  options.interrupted = [calls] { return program::interrupted() && Clock::now() - calls->begun > kLastWait; };
+  options.interrupted = [calls] { return ends_call(*calls); };
   options.log = [calls](const std::string& line) {
     if (calls->opened || !is_about_opening(line)) fmt::print(stderr, "shearbus: {}\n", line);
   };
@@ -99,7 +103,6 @@ struct SubgridLaw::Impl {
   // another than for a host that asks again.
   template <typename Ask>
   auto asking_in_run(const Ask& ask) {
-    calls->begun = Clock::now();
     try {
       return asking(ask);
     } catch (const wire::Error& fault) {
@@ -112,8 +115,8 @@ struct SubgridLaw::Impl {
         status.remedy = fmt::format("This run has ended. Make room in the server's state directory; then {}.", next);
       } else if (status.code == wire::Code::kUnreachable || status.code == wire::Code::kUnknownOutcome) {
         const std::string stopped = fmt::format("interrupted {}, while the server did not answer; {}", where, next);
-        if (program::interrupted() && kept) throw Interrupted(stopped);
-        if (program::interrupted()) throw std::runtime_error(stopped);
+        if (program::interrupted_again() && kept) throw Interrupted(stopped);
+        if (program::interrupted_again()) throw std::runtime_error(stopped);
         status.remedy = fmt::format("This run has ended. Have the server run again; then {}.", next);
       } else if (status.code == wire::Code::kInvalidValue) {
         status.remedy =

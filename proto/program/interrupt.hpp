@@ -7,19 +7,26 @@
 namespace shearbus::program {
 
 namespace detail {
-inline volatile std::sig_atomic_t interrupted = 0;
+inline volatile std::sig_atomic_t interrupts = 0, handled = 1;
 }
 
 inline bool interrupted() {
-  return detail::interrupted != 0;
+  return detail::interrupts > 0;
+}
+inline bool interrupted_again() {
+  return detail::interrupts > 1;
 }
 
-// After this call the first signal sets interrupted(), and a second signal of the same kind ends the program at once.
-inline void stop_at_next_step() {
+// After this call the first `handled` signals set interrupted() and interrupted_again(), and one more of the same kind
+// ends the program at once.
+inline void stop_at_next_step(int handled = 1) {
+  detail::handled = handled;
   struct sigaction action = {};
-  action.sa_handler = [](int) { detail::interrupted = 1; };
+  action.sa_handler = [](int signal) {
+    detail::interrupts = detail::interrupts + 1;
+    if (detail::interrupts >= detail::handled) static_cast<void>(std::signal(signal, SIG_DFL));
+  };
   sigemptyset(&action.sa_mask);
-  action.sa_flags = static_cast<int>(SA_RESETHAND);
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
   struct sigaction hangup = {};

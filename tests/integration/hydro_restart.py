@@ -223,7 +223,24 @@ class Restart(served.Served):
                 self.assertEqual(killed.returncode, -signal.SIGKILL, printed)
                 self.assertFalse((out / "summary.json").exists())
 
-    def test_an_interrupt_ends_the_wait_for_a_server_that_is_gone(self):
+    def test_an_interrupted_run_waits_for_a_slow_server_and_writes_its_dump(self):
+        reference = self.undisturbed()
+        server = self.serve()
+        out, process = self.hydro("--server", self.bus)
+        self.wait_for_a_new_dump(out, process)
+        server.send_signal(signal.SIGSTOP)
+        time.sleep(0.2)
+        before = set(out.glob("restart/dump-*.h5"))
+        process.send_signal(signal.SIGINT)
+        time.sleep(3.0)
+        server.send_signal(signal.SIGCONT)
+        printed, _ = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 3, printed)
+        self.assertIn(f"go on with: shearbus-hydro --restart {out}", printed)
+        self.assertTrue(set(out.glob("restart/dump-*.h5")) - before, printed)
+        self.finished(*self.hydro("--server", self.bus), reference)
+
+    def test_a_second_interrupt_ends_the_wait_for_a_server_that_is_gone(self):
         served.edited(PROBLEMS / "cone_al_steel_coarse.toml", self.scene, zone_width_m=0.5e-3)
         server = self.serve()
         out, process = self.hydro("--server", self.bus)
@@ -232,8 +249,12 @@ class Restart(served.Served):
         server.wait()
         time.sleep(0.5)
         process.send_signal(signal.SIGINT)
+        time.sleep(3.0)
+        self.assertIsNone(process.poll())
+        process.send_signal(signal.SIGTERM)
         printed, _ = process.communicate(timeout=20)
         self.assertEqual(process.returncode, 3, printed)
+        self.assertIn("shearbus-hydro: interrupted; waits for the server; another interrupt ends the run at once\n", printed)
         self.assertRegex(printed, r"shearbus-hydro: interrupted in step \d+, to [\d.e-]+ s, while the server did not answer; shearbus-hydro --restart goes on from the newest dump\n")
 
     def test_commands_to_go_on_are_as_a_shell_reads_them(self):
