@@ -21,12 +21,6 @@ struct PressureLoad {
   double pressure = 0.0;  // [Pa]
 };
 
-// Impulse and work of a boundary on the mesh since the start.
-struct Given {
-  Vec2 impulse;       // [kg m/s per metre of depth, or per radian]
-  double work = 0.0;  // [J per metre of depth, or per radian]
-};
-
 // Returns the force of the pressure load on each of the load's nodes.
 std::vector<Vec2> pressure_forces(const Mesh& mesh, const PressureLoad& load, const std::vector<Vec2>& position);
 

@@ -16,6 +16,10 @@ constexpr double kLeastCovered = 0.05;
 // A node under a smaller pressure counts as open: pressures below 1e4 Pa come from rounding or from the foot of a
 // smeared shock.
 constexpr double kLeastPressure = 1e4;  // smallest pressure of a closed node  [Pa]
+// Bounds on the change of a gap in one step, so that curved surfaces which slide along each other stay together
+// (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1).
+constexpr double kPushOut = 0.2;   // where the bodies overlap: share of the overlap that one step removes
+constexpr double kApproach = 0.5;  // where the bodies are apart: largest share of the gap that one step may close
 
 // Returns the share of a zone's plastic strain rate that is shear along a surface with tangent t. By the flow rule it
 // is sqrt(3) s_tn / sigma_eq, with the component s_tn of the stress deviator; the normal n is t turned by 90 degrees.
@@ -125,7 +129,7 @@ void Contact::press(const Guides& guides, const State& state, double dt, std::ve
   before_ = pressing_;
   for (int i = 0; i < size; ++i) {  // excess_rate_: the opening rate of a gap less the least rate that is allowed
     const double gap = weights_.gap(i);
-    const double least = -(gap > 0.0 ? options_.approach : options_.push_out) * gap / dt * weights_.area(i);
+    const double least = -(gap > 0.0 ? kApproach : kPushOut) * gap / dt * weights_.area(i);
     excess_rate_[i] = opening_rate(i, velocity) - least;
   }
   pressures_.solve(pressing_, excess_rate_);

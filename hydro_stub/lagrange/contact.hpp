@@ -31,10 +31,6 @@ struct ContactOptions {
   bool overlap = true;
   double soft_share = 0.5;                   // share of the friction heat that enters the soft body
   std::optional<HeatDepth> heat_depth = {};  // how deep friction heat goes; absent: into the zones at the wall
-  // Bounds on the change of a gap in one step, so that curved surfaces which slide along each other stay together
-  // (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972) 1).
-  double push_out = 0.2;  // where the bodies overlap: share of the overlap that one step removes
-  double approach = 0.5;  // where the bodies are apart: largest share of the gap that one step may close
 };
 
 class Contact {

@@ -83,18 +83,17 @@ void Cycle::run_to(double end_time) {
 void Cycle::advance(double end_time) {
   choose_step(end_time);
   constexpr int kMostTries = 8;
-  for (int tries = 0; !try_step(step_.dt); ++tries) {
+  for (int tries = 0; !try_step(dt_); ++tries) {
     ++rejected_;
     if (tries == kMostTries) {
       throw std::runtime_error(fmt::format("step {} at t = {:.6g} s: zone {} turns inside out even with dt = {:.3g} s",
-                                           steps_ + 1, state_.time, step_.zone, step_.dt));
+                                           steps_ + 1, state_.time, inverted_, dt_));
     }
-    step_.dt *= 0.25;
-    step_.limit = StepLimit::kRejected;
-    unshortened_ = step_;
+    dt_ *= 0.25;
+    unshortened_ = dt_;
   }
   // The last step of a run ends exactly at the end time.
-  state_.time = step_.dt == end_time - state_.time ? end_time : state_.time + step_.dt;
+  state_.time = dt_ == end_time - state_.time ? end_time : state_.time + dt_;
   ++steps_;
 }
 
@@ -134,18 +133,14 @@ bool Cycle::try_step(double dt) {
 }
 
 void Cycle::choose_step(double end_time) {
-  const TimeStep next = next_time_step(bodies_.mesh, bodies_.time_step, middle_, state_.position, state_.sound_speed,
-                                       viscous_rate_, dilatation_, unshortened_);
-  step_ = next;
-  unshortened_ = next;
-  if (!std::isfinite(step_.dt) || !(step_.dt > 0.0)) {
-    throw std::runtime_error(
-        fmt::format("step {}: no time step follows from the state (dt = {})", steps_ + 1, step_.dt));
-  }
+  dt_ = unshortened_ = next_time_step(bodies_.mesh, bodies_.time_step, middle_, state_.position, state_.sound_speed,
+                                      viscous_rate_, dilatation_, unshortened_);
+  if (!std::isfinite(dt_) || !(dt_ > 0.0))
+    throw std::runtime_error(fmt::format("step {}: no time step follows from the state (dt = {})", steps_ + 1, dt_));
   // The end time is reached in one step or in two equal steps, never in a much shorter last step: in a very short step
   // slide lines would close their gaps at an unphysical speed.
   const double left = end_time - state_.time;
-  if (2.0 * step_.dt > left) step_ = {.dt = step_.dt >= left ? left : 0.5 * left, .limit = StepLimit::kEnd};
+  if (2.0 * dt_ > left) dt_ = dt_ >= left ? left : 0.5 * left;
 }
 
 // The impulse of the walls on a node is the change of its momentum that zones, slide lines and loads do not explain.
@@ -201,7 +196,7 @@ Memory Cycle::memory() {
   const auto one = [](auto& value) { return std::span(&value, 1); };
   const auto pair = [](Vec2& v) { return std::span<double>(&v.x, 2); };
   return {.numbers = {{"time", one(state_.time)},
-                      {"step_before", one(unshortened_.dt)},
+                      {"step_before", one(unshortened_)},
                       {"impulse_given", pair(impulse_given_)},
                       {"work_given", one(work_given_)},
                       {"contact_heat", contact_.heat()},

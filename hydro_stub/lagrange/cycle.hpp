@@ -44,8 +44,6 @@ struct Bodies {
   std::vector<PressureLoad> loads;
   std::vector<SlideLine> slide_lines;
   ContactOptions contact;
-  ViscosityOptions viscosity;
-  double hourglass = 0.1;
   TimeStepOptions time_step;
 };
 
@@ -82,7 +80,6 @@ class Cycle {
 
   const Mesh& mesh() const { return bodies_.mesh; }
   const State& state() const { return state_; }
-  const TimeStep& time_step() const { return step_; }  // length and limit of the last accepted step
   std::uint64_t steps() const { return steps_; }
   std::uint64_t rejected_steps() const { return rejected_; }
   const Contact& contact() const { return contact_; }
@@ -114,8 +111,9 @@ class Cycle {
   Guides guides_;
   Contact contact_;
   hydro::InterfaceLaw* law_;
-  TimeStep step_;
-  TimeStep unshortened_;  // last step before it was shortened to meet an end time; the next step may grow from it
+  double dt_ = 0.0;           // [s]
+  double unshortened_ = 0.0;  // last step before it was shortened to meet an end time; the next step may grow from it
+  int inverted_ = -1;         // first zone for which the last rejected step was too long
   std::uint64_t steps_ = 0;
   std::uint64_t rejected_ = 0;
   Vec2 impulse_given_;

@@ -16,6 +16,7 @@
 namespace shearbus::lagrange {
 namespace {
 
+constexpr double kHourglass = 0.1;  // coefficient of the hourglass forces
 constexpr int kNoZone = std::numeric_limits<int>::max();
 
 // Pointers to one quantity of the zones of a run each.
@@ -190,7 +191,7 @@ StrengthState strength_state(const State& state, const Gradients& gradient, cons
 
 }  // namespace
 
-// Returns false, with the first such zone in step_, if a zone is turned inside out.
+// Returns false, with the first such zone in inverted_, if a zone is turned inside out.
 bool Cycle::predict_middle(double dt) {
   const Mesh& mesh = bodies_.mesh;
   const int nodes = mesh.num_nodes();
@@ -213,7 +214,7 @@ bool Cycle::predict_middle(double dt) {
     });
   }
   if (inverted == kNoZone) return true;
-  step_.zone = inverted;
+  inverted_ = inverted;
   return false;
 }
 
@@ -256,9 +257,9 @@ void Cycle::find_forces() {
     shares_.work([&](std::size_t r) {
       mesh.load(middle_position_, runs[r], position);
       mesh.load(state_.velocity, runs[r], velocity);
-      set_viscosity(mesh, bodies_.viscosity, material(runs[r]).eos.half_shock_slope(), runs[r], position, viscous,
-                    corner_force_, viscous_rate_);
-      add_hourglass(bodies_.hourglass, runs[r], position, velocity, middle_, middle_density_, state_.sound_speed,
+      set_viscosity(mesh, material(runs[r]).eos.half_shock_slope(), runs[r], position, viscous, corner_force_,
+                    viscous_rate_);
+      add_hourglass(kHourglass, runs[r], position, velocity, middle_, middle_density_, state_.sound_speed,
                     corner_force_);
       add_stress_wide(runs[r],
                       {.pressure = middle_pressure_.data(),
@@ -300,7 +301,7 @@ void Cycle::accelerate(double dt) {
   }
 }
 
-// Returns false, with the first such zone in step_, if the volume of a zone changes too much.
+// Returns false, with the first such zone in inverted_, if the volume of a zone changes too much.
 bool Cycle::go_to_end(double dt) {
   const Mesh& mesh = bodies_.mesh;
   const int nodes = mesh.num_nodes();
@@ -325,7 +326,7 @@ bool Cycle::go_to_end(double dt) {
     });
   }
   if (inverted == kNoZone) return true;
-  step_.zone = inverted;
+  inverted_ = inverted;
   return false;
 }
 

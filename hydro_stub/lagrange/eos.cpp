@@ -99,10 +99,6 @@ void Eos::evaluate(int count, const double* density, const double* energy, doubl
   evaluate_wide(metal_, count, density, energy, pressure, sound_speed_squared);
 }
 
-EosPoint Eos::at(double density, double energy) const {
-  return is_gas_ ? eos_from_density_energy(gas_, density, energy) : eos_from_density_energy(metal_, density, energy);
-}
-
 void Eos::find_temperatures(int count, const double* density, const double* energy, double* temperature) const {
   if (is_gas_) {
     for (int i = 0; i < count; ++i) temperature[i] = energy[i] / gas_.specific_heat;
@@ -114,12 +110,6 @@ void Eos::find_temperatures(int count, const double* density, const double* ener
                        .energy = isentrope_energy_.data(),
                        .slope = isentrope_slope_.data()};
   find_temperatures_of_metal(metal_, table, count, density, energy, temperature);
-}
-
-double Eos::temperature(double density, double energy) const {
-  double temperature = 0.0;
-  find_temperatures(1, &density, &energy, &temperature);
-  return temperature;
 }
 
 double Eos::half_shock_slope() const {

@@ -74,14 +74,12 @@ class Eos {
   // Computes pressure and squared sound speed of `count` zones.
   void evaluate(int count, const double* density, const double* energy, double* pressure,
                 double* sound_speed_squared) const;
-  EosPoint at(double density, double energy) const;
 
   // Computes the temperatures of `count` zones  [K]. For a gas T = e / c_v with the specific heat c_v. For a metal T = T_s(rho) + (e -
   // e_s(rho)) / c_v, where T_s(rho) = T_ref exp(gamma0 (1 - rho0/rho)) and e_s(rho) are temperature and energy on the
   // isentrope through the reference state (density rho0, temperature T_ref). In a zone at the tension limit rho and e are
   // those of the metal between the voids: a zone that stretches there under constant tension cools no further.
   void find_temperatures(int count, const double* density, const double* energy, double* temperature) const;
-  double temperature(double density, double energy) const;
 
   // Returns half of dUs/dup, the slope of shock velocity Us over particle velocity up: (gamma + 1)/4 for a gas, s1/2
   // for a metal. It scales the quadratic part of the artificial viscosity.

@@ -8,43 +8,7 @@
 #include "hydro_stub/lagrange/independent.hpp"
 
 namespace shearbus::lagrange {
-
-const char* name(StepLimit limit) {
-  switch (limit) {
-    case StepLimit::kFirst:
-      return "first step";
-    case StepLimit::kCourant:
-      return "Courant";
-    case StepLimit::kVolumeChange:
-      return "volume change";
-    case StepLimit::kGrowth:
-      return "growth";
-    case StepLimit::kEnd:
-      return "end time";
-    case StepLimit::kRejected:
-      return "rejected step";
-  }
-  return "?";
-}
-
 namespace {
-
-// A limit of the step and the first zone that sets it.
-struct Limit {
-  double dt = std::numeric_limits<double>::infinity();
-  int zone = -1;
-  void take(const Limit& other) {
-    if (other.dt < dt || (other.dt == dt && other.zone < zone)) *this = other;
-  }
-  void take(const Run& run, const double* all) {
-    for (int i = 0; i < run.count; ++i) {
-      if (all[i] < dt) *this = {.dt = all[i], .zone = run.first + i};
-    }
-  }
-};
-struct Limits {
-  Limit courant, volume;
-};
 
 struct ZoneRates {
   const double* area;
@@ -78,41 +42,28 @@ SHEARBUS_WIDE void limit_wide(const TimeStepOptions& options, const Run& run, co
 
 }  // namespace
 
-TimeStep next_time_step(const Mesh& mesh, const TimeStepOptions& options, const Geometry& geometry,
-                        const std::vector<Vec2>& position, const std::vector<double>& sound_speed,
-                        const std::vector<double>& viscous_rate, const std::vector<double>& dilatation,
-                        const TimeStep& old) {
+double next_time_step(const Mesh& mesh, const TimeStepOptions& options, const Geometry& geometry,
+                      const std::vector<Vec2>& position, const std::vector<double>& sound_speed,
+                      const std::vector<double>& viscous_rate, const std::vector<double>& dilatation, double old) {
   const ZoneRates rates = {geometry.area.data(), sound_speed.data(), viscous_rate.data(), dilatation.data()};
   const std::vector<Run>& runs = mesh.runs();
-  Limits all;
-#pragma omp parallel if (mesh.num_zones() >= kFewestForThreads)
+  double courant = std::numeric_limits<double>::infinity(), volume = courant;
+#pragma omp parallel if (mesh.num_zones() >= kFewestForThreads) reduction(min : courant, volume)
   {
-    Limits some;
     RunNodes at;
     double of_courant[Run::kMostZones] = {}, of_volume[Run::kMostZones] = {};
 #pragma omp for schedule(static) nowait
     for (std::size_t r = 0; r < runs.size(); ++r) {
       mesh.load(position, runs[r], at);
       limit_wide(options, runs[r], at, rates, of_courant, of_volume);
-      some.courant.take(runs[r], of_courant);
-      some.volume.take(runs[r], of_volume);
-    }
-#pragma omp critical(shearbus_time_step)
-    {
-      all.courant.take(some.courant);
-      all.volume.take(some.volume);
+      for (int i = 0; i < runs[r].count; ++i) {
+        if (of_courant[i] < courant) courant = of_courant[i];
+        if (of_volume[i] < volume) volume = of_volume[i];
+      }
     }
   }
-  const TimeStep courant{all.courant.dt, StepLimit::kCourant, all.courant.zone};
-  const TimeStep volume{all.volume.dt, StepLimit::kVolumeChange, all.volume.zone};
-  TimeStep step = volume.dt < courant.dt ? volume : courant;
-  if (old.dt == 0.0) {
-    const double first = options.first > 0.0 ? options.first : 0.5 * courant.dt;
-    if (first < step.dt) step = {first, StepLimit::kFirst, -1};
-  } else if (options.growth * old.dt < step.dt) {
-    step = {options.growth * old.dt, StepLimit::kGrowth, -1};
-  }
-  return step;
+  const double first = options.first > 0.0 ? options.first : 0.5 * courant;
+  return std::min({courant, volume, old == 0.0 ? first : options.growth * old});
 }
 
 }  // namespace shearbus::lagrange

@@ -110,15 +110,12 @@ inline void find_surroundings(const Mesh& mesh, const Gradients& d, const Run& r
   fill(d, chosen(mesh.neighbour(first, 2), mesh.neighbour(first, 0), first), run.count, 0, to.above);
 }
 
-struct Coefficients {
-  double linear, quadratic;  // the quadratic one times half the shock's slope
-};
-
-SHEARBUS_WIDE void set_wide(const Mesh& mesh, const Coefficients& c, const Run& run, const RunNodes& position,
+SHEARBUS_WIDE void set_wide(const Mesh& mesh, double half_shock_slope, const Run& run, const RunNodes& position,
                             const ViscousState& state, CornerVectors& force, double* __restrict viscous_rate) {
   Surroundings around;
   find_surroundings(mesh, state.gradient, run, around);
-  const double linear = c.linear, quadratic = c.quadratic;
+  constexpr double linear = 0.2;                    // c1
+  const double quadratic = 2.0 * half_shock_slope;  // c2 w
   const double* tt = state.gradient.tt.data() + run.first;
   const double* density = state.density.data() + run.first;
   const double* sound_speed = state.sound_speed.data() + run.first;
@@ -172,11 +169,9 @@ SHEARBUS_WIDE void set_wide(const Mesh& mesh, const Coefficients& c, const Run& 
 
 }  // namespace
 
-void set_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope, const Run& run,
-                   const RunNodes& position, const ViscousState& state, CornerVectors& force,
-                   std::vector<double>& viscous_rate) {
-  set_wide(mesh, {.linear = options.linear, .quadratic = options.quadratic * half_shock_slope}, run, position, state,
-           force, viscous_rate.data() + run.first);
+void set_viscosity(const Mesh& mesh, double half_shock_slope, const Run& run, const RunNodes& position,
+                   const ViscousState& state, CornerVectors& force, std::vector<double>& viscous_rate) {
+  set_wide(mesh, half_shock_slope, run, position, state, force, viscous_rate.data() + run.first);
 }
 
 }  // namespace shearbus::lagrange

@@ -5,8 +5,8 @@
 //
 // Here mu is the viscosity and rho the density. lambda is the most negative eigenvalue of the strain rate in the plane
 // (without a negative eigenvalue there is no viscosity), s the unit eigenvector of lambda, l the zone's length along s,
-// du the velocity jump across the zone, c the sound speed, c1 and c2 the coefficients of ViscosityOptions, and w half
-// the slope of the material's shock velocity over the velocity jump: with c1 = c2 = 1 and psi = 0 a jump du would get the
+// du the velocity jump across the zone, c the sound speed, c1 = 0.2, c2 = 2, and w half the slope
+// of the material's shock velocity over the velocity jump: with c1 = c2 = 1 and psi = 0 a jump du would get the
 // shock pressure of the material's own Hugoniot. The limiter psi compares lambda with the rates in the zones on both
 // sides, as is usual for second-order schemes (D. J. Benson, Comput. Methods Appl. Mech. Eng. 99 (1992) 235); psi is 1
 // where the rate varies linearly through the neighbours. c1 sets the width of weak shocks, and c2 keeps strong ones from
@@ -34,11 +34,6 @@
 
 namespace shearbus::lagrange {
 
-struct ViscosityOptions {
-  double linear = 0.2;     // coefficient c1 of the linear viscosity
-  double quadratic = 2.0;  // coefficient c2 of the quadratic viscosity
-};
-
 // What viscosity depends on, of all zones.
 struct ViscousState {
   const Geometry& geometry;
@@ -50,8 +45,7 @@ struct ViscousState {
 
 // Sets the corner forces of the zones of a run to those of viscosity. Stores in `viscous_rate` the rate (1 - psi)
 // phi mu / (rho l^2) at which viscosity evens out velocities  [1/s]; this rate limits the time step.
-void set_viscosity(const Mesh& mesh, const ViscosityOptions& options, double half_shock_slope, const Run& run,
-                   const RunNodes& position, const ViscousState& state, CornerVectors& force,
-                   std::vector<double>& viscous_rate);
+void set_viscosity(const Mesh& mesh, double half_shock_slope, const Run& run, const RunNodes& position,
+                   const ViscousState& state, CornerVectors& force, std::vector<double>& viscous_rate);
 
 }  // namespace shearbus::lagrange
