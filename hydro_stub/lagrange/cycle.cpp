@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -16,35 +15,7 @@ Cycle::Cycle(Bodies bodies, hydro::InterfaceLaw* law)
       state_(bodies_.mesh.num_nodes(), bodies_.mesh.num_zones()),
       guides_(bodies_.mesh.num_nodes(), bodies_.walls),
       contact_(bodies_.mesh.symmetry(), bodies_.slide_lines, bodies_.contact, bodies_.mesh.num_nodes()),
-      law_(law),
-      middle_(bodies_.mesh.num_zones()),
-      middle_position_(bodies_.mesh.num_nodes()),
-      middle_density_(bodies_.mesh.num_zones()),
-      middle_energy_(bodies_.mesh.num_zones()),
-      middle_pressure_(bodies_.mesh.num_zones()),
-      middle_xx_(bodies_.mesh.num_zones()),
-      middle_yy_(bodies_.mesh.num_zones()),
-      middle_xy_(bodies_.mesh.num_zones()),
-      plastic_rate_(bodies_.mesh.num_zones(), std::numeric_limits<double>::infinity()),
-      sound_squared_(bodies_.mesh.num_zones()),
-      corner_force_(bodies_.mesh.num_zones()),
-      node_force_(bodies_.mesh.num_nodes()),
-      load_force_(bodies_.loads.size()),
-      position_new_(bodies_.mesh.num_nodes()),
-      velocity_new_(bodies_.mesh.num_nodes()),
-      velocity_mean_(bodies_.mesh.num_nodes()),
-      volume_new_(bodies_.mesh.num_zones()),
-      energy_new_(bodies_.mesh.num_zones()),
-      gradient_(bodies_.mesh.num_zones()),
-      viscous_rate_(bodies_.mesh.num_zones(), 0.0),
-      heating_(bodies_.mesh.num_zones(), 0.0),
-      heating_new_(bodies_.mesh.num_zones(), 0.0),
-      dilatation_(bodies_.mesh.num_zones(), 0.0),
-      xx_new_(bodies_.mesh.num_zones(), 0.0),
-      yy_new_(bodies_.mesh.num_zones(), 0.0),
-      xy_new_(bodies_.mesh.num_zones(), 0.0),
-      plastic_strain_new_(bodies_.mesh.num_zones(), 0.0),
-      beyond_(bodies_.mesh.num_nodes()) {
+      law_(law) {
   const Mesh& mesh = bodies_.mesh;
   if (bodies_.materials.size() != mesh.blocks().size()) {
     throw std::invalid_argument(

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <utility>
@@ -102,6 +103,11 @@ class Cycle {
   void update_run(const Run& run);
   const BodyMaterial& material(const Run& run) const { return bodies_.materials[run.block]; }
 
+  std::vector<double> of_zones(double value = 0.0) const {
+    return std::vector<double>(bodies_.mesh.num_zones(), value);
+  }
+  std::vector<Vec2> of_nodes() const { return std::vector<Vec2>(bodies_.mesh.num_nodes()); }
+
   void find_rim();
   void book_boundaries(double dt);
   void choose_step(double end_time);
@@ -121,32 +127,32 @@ class Cycle {
 
   // Work arrays of the current step.
   Shares shares_;
-  Geometry middle_;  // geometry of the zones at mid-step
-  std::vector<Vec2> middle_position_;
-  std::vector<double> middle_density_;
-  std::vector<double> middle_energy_;
-  std::vector<double> middle_pressure_;
-  std::vector<double> middle_xx_, middle_yy_, middle_xy_;  // stress deviators at mid-step  [Pa]
-  std::vector<double> plastic_rate_;  // rate of the equivalent plastic strain up to mid-step; infinite in fluids  [1/s]
-  std::vector<double> sound_squared_;
-  CornerVectors corner_force_;
-  std::vector<Vec2> node_force_;               // force of the zones on each node, the sum of its corners' forces
-  std::vector<std::vector<Vec2>> load_force_;  // forces of each pressure load on its nodes
-  std::vector<Vec2> position_new_;
-  std::vector<Vec2> velocity_new_;
+  Geometry middle_ = Geometry(bodies_.mesh.num_zones());  // geometry of the zones at mid-step
+  std::vector<Vec2> middle_position_ = of_nodes();
+  std::vector<double> middle_density_ = of_zones(), middle_energy_ = of_zones(), middle_pressure_ = of_zones();
+  std::vector<double> middle_xx_ = of_zones(), middle_yy_ = of_zones(), middle_xy_ = of_zones();  // deviators  [Pa]
+  // rate of the equivalent plastic strain up to mid-step; infinite in fluids  [1/s]
+  std::vector<double> plastic_rate_ = of_zones(std::numeric_limits<double>::infinity());
+  std::vector<double> sound_squared_ = of_zones();
+  CornerVectors corner_force_ = CornerVectors(bodies_.mesh.num_zones());
+  std::vector<Vec2> node_force_ = of_nodes();  // force of the zones on each node, the sum of its corners' forces
+  // forces of each pressure load on its nodes
+  std::vector<std::vector<Vec2>> load_force_ = std::vector<std::vector<Vec2>>(bodies_.loads.size());
+  std::vector<Vec2> position_new_ = of_nodes(), velocity_new_ = of_nodes();
   // mean of the velocities at the start and end of the step; it moves the nodes, and the work of forces uses it
-  std::vector<Vec2> velocity_mean_;
-  std::vector<double> volume_new_, energy_new_;
+  std::vector<Vec2> velocity_mean_ = of_nodes();
+  std::vector<double> volume_new_ = of_zones(), energy_new_ = of_zones();
   // velocity gradient of each zone, from the geometry at mid-step and the velocities at the start of the step, later
   // the mean velocities of the step  [1/s]
-  Gradients gradient_;
-  std::vector<double> viscous_rate_;
-  std::vector<double> heating_;  // power of viscosity and hourglass forces in the last step, for the predictor  [W]
-  std::vector<double> heating_new_;
-  std::vector<double> dilatation_;  // relative rate of volume change, dV/dt / V, in the last step  [1/s]
-  std::vector<double> xx_new_, yy_new_, xy_new_, plastic_strain_new_;
-  std::array<std::vector<Run>, 2> runs_;  // by Reach
-  std::vector<Vec2> beyond_;              // impulse of the walls on their nodes  [kg m/s]
+  Gradients gradient_ = Gradients(bodies_.mesh.num_zones());
+  std::vector<double> viscous_rate_ = of_zones();
+  std::vector<double> heating_ = of_zones();  // power of viscosity and hourglass forces in the last step  [W]
+  std::vector<double> heating_new_ = of_zones();
+  std::vector<double> dilatation_ = of_zones();  // relative rate of volume change, dV/dt / V, in the last step  [1/s]
+  std::vector<double> xx_new_ = of_zones(), yy_new_ = of_zones(), xy_new_ = of_zones();
+  std::vector<double> plastic_strain_new_ = of_zones();
+  std::array<std::vector<Run>, 2> runs_;   // by Reach
+  std::vector<Vec2> beyond_ = of_nodes();  // impulse of the walls on their nodes  [kg m/s]
 };
 
 }  // namespace shearbus::lagrange

@@ -9,21 +9,11 @@ namespace shearbus::lagrange {
 
 // Masses, volumes and energies are per metre of depth (plane) or per radian (axisymmetric).
 struct State {
-  State(int nodes, int zones)
-      : position(nodes),
-        velocity(nodes),
-        node_mass(nodes),
-        mass(zones),
-        volume(zones),
-        density(zones),
-        energy(zones),
-        pressure(zones),
-        sound_speed(zones),
-        temperature(zones),
-        deviator_xx(zones),
-        deviator_yy(zones),
-        deviator_xy(zones),
-        plastic_strain(zones) {}
+  State(int nodes, int zones) : position(nodes), velocity(nodes), node_mass(nodes) {
+    for (std::vector<double>* values : {&mass, &volume, &density, &energy, &pressure, &sound_speed, &temperature,
+                                        &deviator_xx, &deviator_yy, &deviator_xy, &plastic_strain})
+      values->resize(zones);
+  }
 
   double time = 0.0;  // [s]
   // Arrays with one value per node.
