@@ -10,7 +10,7 @@ InterfaceLine::InterfaceLine(const lagrange::Bodies& bodies) {
   for (const lagrange::SlideLine& line : bodies.slide_lines) {
     if (!line.rubs) continue;
     const std::vector<int>& soft = line.soft.nodes;
-    const std::size_t count = soft.size() - (soft.front() == soft.back() ? 1 : 0);
+    const std::size_t count = line.soft.count();
     for (std::size_t s = 0; s + 1 < soft.size(); ++s)
       segments_.push_back(
           {.from = first + s, .to = first + (s + 1) % count, .length = norm(place[soft[s + 1]] - place[soft[s]])});

@@ -26,10 +26,8 @@ std::vector<double> half_wall_zones(const lagrange::Bodies& bodies) {
       const double area = 0.5 * cross(x[n[2]] - x[n[0]], x[n[3]] - x[n[1]]);
       thickness.push_back(area / norm(x[soft.nodes[s + 1]] - x[soft.nodes[s]]));
     }
-    const bool closed = soft.nodes.front() == soft.nodes.back();
-    const std::size_t nodes = soft.nodes.size() - (closed ? 1 : 0);
-    for (std::size_t i = 0; i < nodes; ++i) {
-      const double before = thickness[i > 0 ? i - 1 : closed ? thickness.size() - 1 : 0];
+    for (std::size_t i = 0; i < soft.count(); ++i) {
+      const double before = thickness[i > 0 ? i - 1 : soft.closed() ? thickness.size() - 1 : 0];
       const double after = thickness[std::min(i, thickness.size() - 1)];
       // Nodes whose zones differ by rounding only get the same number, so that the server keeps them together.
       constexpr double kGrain = 1e-12;  // [m]

@@ -31,15 +31,6 @@ double shear_share(const State& state, int zone, Vec2 t) {
   return squares > 0.0 ? tn / std::sqrt(squares) : 0.0;
 }
 
-void add(std::vector<RowWeight>& row_of_matrix, int row, double weight) {
-  const auto found = std::ranges::find(row_of_matrix, row, &RowWeight::row);
-  if (found != row_of_matrix.end()) {
-    found->weight += weight;
-  } else {
-    row_of_matrix.push_back({row, weight});
-  }
-}
-
 }  // namespace
 
 Contact::Contact(Symmetry symmetry, std::vector<SlideLine> lines, const ContactOptions& options, int num_nodes)
@@ -113,7 +104,8 @@ void Contact::find_compliance(const Guides& guides, const State& state) {
   for (int i = 0; i < weights_.size(); ++i) {
     compliance_[i].assign(1, {.row = i, .weight = 0.0});
     for (const PushWeight& w : weights_.push(i)) {
-      for (const Response& r : pushed_[w.node]) add(compliance_[i], r.row, dot(w.weight, r.velocity));
+      for (const Response& r : pushed_[w.node])
+        add(compliance_[i], &RowWeight::row, &RowWeight::weight, r.row, dot(w.weight, r.velocity));
     }
   }
   for (int i = 0; i < weights_.size(); ++i) {

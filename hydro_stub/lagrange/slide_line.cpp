@@ -6,66 +6,34 @@
 #include <utility>
 
 namespace shearbus::lagrange {
-namespace {
-
-// Adds `amount` to the member `value` of the entry whose member `key` is `of`; creates the entry if it is missing.
-template <class Entry, class Value>
-void add(std::vector<Entry>& entries, int Entry::*key, Value Entry::*value, int of, Value amount) {
-  const auto found = std::ranges::find(entries, of, key);
-  if (found != entries.end()) {
-    (*found).*value += amount;
-    return;
-  }
-  Entry entry{};
-  entry.*key = of;
-  entry.*value = amount;
-  entries.push_back(entry);
-}
-
-}  // namespace
 
 InterfaceWeights::InterfaceWeights(Symmetry symmetry, std::vector<SlideLine> lines)
     : symmetry_(symmetry), lines_(std::move(lines)) {
   std::stable_partition(lines_.begin(), lines_.end(), [](const SlideLine& line) { return line.rubs; });
-  for (std::size_t l = 0; l < lines_.size(); ++l) {
-    first_.push_back(static_cast<int>(node_.size()));
-    std::vector<int> nodes = lines_[l].soft.nodes;
-    if (nodes.front() == nodes.back()) nodes.pop_back();  // a closed surface repeats its first node
-    node_.insert(node_.end(), nodes.begin(), nodes.end());
-    line_.insert(line_.end(), nodes.size(), static_cast<int>(l));
-    if (lines_[l].rubs) rubbing_ = static_cast<int>(node_.size());
-    const std::vector<int>& zones = lines_[l].soft.zones;
-    for (std::size_t i = 0; i < nodes.size(); ++i) {
-      const bool closed = nodes.size() == zones.size();
-      const std::size_t before = i > 0 ? i - 1 : closed ? zones.size() - 1 : 0;
-      zones_at_.push_back({zones[before], zones[std::min(i, zones.size() - 1)]});
+  for (const SlideLine& line : lines_) {
+    first_.push_back(size());
+    const std::vector<int>& zones = line.soft.zones;
+    for (std::size_t i = 0; i < line.soft.count(); ++i) {
+      const std::size_t before = i > 0 ? i - 1 : line.soft.closed() ? zones.size() - 1 : 0;
+      rows_.push_back({.node = line.soft.nodes[i], .zones_at = {zones[before], zones[std::min(i, zones.size() - 1)]}});
     }
+    if (line.rubs) rubbing_ = size();
   }
   near_.resize(lines_.size());
-  area_.resize(node_.size());
-  whole_area_.resize(node_.size());
-  gap_.resize(node_.size());
-  normal_sum_.resize(node_.size());
-  tangent_.resize(node_.size());
-  push_.resize(node_.size());
-  overlap_.resize(node_.size());
-  rub_.resize(node_.size());
-  soft_zones_.resize(node_.size());
-  hard_zones_.resize(node_.size());
+}
+
+void InterfaceWeights::Row::clear() {
+  area = gap = whole_area = 0.0;
+  normal_sum = {};
+  push.clear();
+  overlap.clear();
+  rub.clear();
+  soft_zones.clear();
+  hard_zones.clear();
 }
 
 void InterfaceWeights::find(const std::vector<Vec2>& position) {
-  std::ranges::fill(area_, 0.0);
-  std::ranges::fill(whole_area_, 0.0);
-  std::ranges::fill(gap_, 0.0);
-  std::ranges::fill(normal_sum_, Vec2{});
-  for (std::size_t i = 0; i < node_.size(); ++i) {
-    push_[i].clear();
-    overlap_[i].clear();
-    rub_[i].clear();
-    soft_zones_[i].clear();
-    hard_zones_[i].clear();
-  }
+  for (Row& row : rows_) row.clear();
   for (std::size_t line = 0; line < lines_.size(); ++line) {
     if (near_[line].has_moved(position)) find_near(position, line);
     const int soft_segments = static_cast<int>(lines_[line].soft.zones.size());
@@ -74,8 +42,8 @@ void InterfaceWeights::find(const std::vector<Vec2>& position) {
       const Vec2 a = position[lines_[line].soft.nodes[s]];
       const Vec2 b = position[lines_[line].soft.nodes[s + 1]];
       const bool axisymmetric = symmetry_ == Symmetry::kAxisymmetric;
-      whole_area_[first_[line] + s] += norm(b - a) * (axisymmetric ? (2.0 * a.x + b.x) / 6.0 : 0.5);
-      whole_area_[row_after(line, s)] += norm(b - a) * (axisymmetric ? (a.x + 2.0 * b.x) / 6.0 : 0.5);
+      rows_[first_[line] + s].whole_area += norm(b - a) * (axisymmetric ? (2.0 * a.x + b.x) / 6.0 : 0.5);
+      rows_[row_after(line, s)].whole_area += norm(b - a) * (axisymmetric ? (a.x + 2.0 * b.x) / 6.0 : 0.5);
       for (const int h : near_[line].hard[s]) {  // the segments that are near enough to face each other
         const Vec2 p = position[hard[h]];
         const Vec2 q = position[hard[h + 1]];
@@ -84,12 +52,12 @@ void InterfaceWeights::find(const std::vector<Vec2>& position) {
       }
     }
   }
-  for (std::size_t i = 0; i < node_.size(); ++i) {
-    if (!(area_[i] > 0.0)) continue;
-    gap_[i] /= area_[i];
-    tangent_[i] = (1.0 / norm(normal_sum_[i])) * left_of(normal_sum_[i]);
-    for (ZoneShare& zone : soft_zones_[i]) zone.share /= area_[i];
-    for (ZoneShare& zone : hard_zones_[i]) zone.share /= area_[i];
+  for (Row& row : rows_) {
+    if (!(row.area > 0.0)) continue;
+    row.gap /= row.area;
+    row.tangent = (1.0 / norm(row.normal_sum)) * left_of(row.normal_sum);
+    for (ZoneShare& zone : row.soft_zones) zone.share /= row.area;
+    for (ZoneShare& zone : row.hard_zones) zone.share /= row.area;
   }
 }
 
@@ -132,9 +100,7 @@ void InterfaceWeights::find_near(const std::vector<Vec2>& position, std::size_t 
 
 // Returns the interface node at the end of a soft segment; on a closed surface the last segment ends at the first node.
 int InterfaceWeights::row_after(std::size_t line, int segment) const {
-  const std::vector<int>& nodes = lines_[line].soft.nodes;
-  const int rows = static_cast<int>(nodes.size()) - (nodes.front() == nodes.back() ? 1 : 0);
-  return first_[line] + (segment + 1) % rows;
+  return first_[line] + (segment + 1) % static_cast<int>(lines_[line].soft.count());
 }
 
 // Adds the part of a soft segment a -> b that a hard segment p -> q covers, seen along the soft segment's normal, to
@@ -191,17 +157,17 @@ void InterfaceWeights::pair_segments(const std::vector<Vec2>& position, std::siz
   for (int k = 0; k < 2; ++k) {
     const Sums& sum = sums[k];
     if (sum.part == 0.0) continue;
-    const int i = row[k];
-    area_[i] += sum.part;
-    gap_[i] += sum.gap;
-    normal_sum_[i] += sum.part * normal;
-    add(soft_zones_[i], &ZoneShare::zone, &ZoneShare::share, soft.zones[s], sum.part);
-    add(hard_zones_[i], &ZoneShare::zone, &ZoneShare::share, hard.zones[h], sum.part);
+    Row& own = rows_[row[k]];
+    own.area += sum.part;
+    own.gap += sum.gap;
+    own.normal_sum += sum.part * normal;
+    add(own.soft_zones, &ZoneShare::zone, &ZoneShare::share, soft.zones[s], sum.part);
+    add(own.hard_zones, &ZoneShare::zone, &ZoneShare::share, hard.zones[h], sum.part);
     for (int m = 0; m < 2; ++m) {
-      add(push_[i], &PushWeight::node, &PushWeight::weight, soft_nodes[m], -sum.soft[m] * normal);
-      add(push_[i], &PushWeight::node, &PushWeight::weight, hard_nodes[m], sum.hard[m] * normal);
-      add(overlap_[i], &RowWeight::row, &RowWeight::weight, row[m], sum.soft[m]);
-      add(rub_[i], &RubWeight::node, &RubWeight::weight, hard_nodes[m], sum.hard[m]);
+      add(own.push, &PushWeight::node, &PushWeight::weight, soft_nodes[m], -sum.soft[m] * normal);
+      add(own.push, &PushWeight::node, &PushWeight::weight, hard_nodes[m], sum.hard[m] * normal);
+      add(own.overlap, &RowWeight::row, &RowWeight::weight, row[m], sum.soft[m]);
+      add(own.rub, &RubWeight::node, &RubWeight::weight, hard_nodes[m], sum.hard[m]);
     }
   }
 }

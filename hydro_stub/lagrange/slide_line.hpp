@@ -16,7 +16,9 @@
 // soft node i over its area A_i = integral N_i r dl, on hard node j with the weight integral N_i N_j^hard r dl.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cstddef>
 #include <span>
 #include <vector>
 
@@ -27,8 +29,11 @@ namespace shearbus::lagrange {
 // One side of a body. Its nodes run in the direction that has the body on the left; zones[s] is the zone of the body at
 // the segment from nodes[s] to nodes[s + 1].
 struct Surface {
-  std::vector<int> nodes;
+  std::vector<int> nodes;  // a closed surface repeats its first node
   std::vector<int> zones;
+
+  bool closed() const { return nodes.front() == nodes.back(); }
+  std::size_t count() const { return nodes.size() - (closed() ? 1 : 0); }  // of nodes, each counted once
 };
 inline Surface surface(const Block& block, Side side) {
   return {block.side(side), block.side_zones(side)};
@@ -61,6 +66,20 @@ struct ZoneShare {
   double share;
 };
 
+// Adds `amount` to the member `value` of the entry whose member `key` is `of`; creates the entry if it is missing.
+template <class Entry, class Value>
+void add(std::vector<Entry>& entries, int Entry::*key, Value Entry::*value, int of, Value amount) {
+  const auto found = std::ranges::find(entries, of, key);
+  if (found != entries.end()) {
+    (*found).*value += amount;
+    return;
+  }
+  Entry entry{};
+  entry.*key = of;
+  entry.*value = amount;
+  entries.push_back(entry);
+}
+
 // The weights of the interface nodes of all slide lines, computed for given positions of the nodes.
 class InterfaceWeights {
  public:
@@ -70,24 +89,23 @@ class InterfaceWeights {
 
   // The interface nodes i = 0 ... size() - 1: first the rubbing() nodes of lines with friction, in the order of the
   // lines, then the nodes of the other lines.
-  int size() const { return static_cast<int>(node_.size()); }
+  int size() const { return static_cast<int>(rows_.size()); }
   int rubbing() const { return rubbing_; }
-  int node(int i) const { return node_[i]; }  // mesh node of interface node i
-  int line(int i) const { return line_[i]; }
+  int node(int i) const { return rows_[i].node; }  // mesh node of interface node i
   // Returns the two soft zones that meet at interface node i; at an end of the surface both are the same zone.
-  std::array<int, 2> zones_at(int i) const { return zones_at_[i]; }
-  bool faces(int i) const { return area_[i] > 0.0; }  // true if the hard surface covers part of the node's area
-  double area(int i) const { return area_[i]; }       // part of the node's area that the hard surface covers, A_i  [m2]
+  std::array<int, 2> zones_at(int i) const { return rows_[i].zones_at; }
+  bool faces(int i) const { return rows_[i].area > 0.0; }  // true if the hard surface covers part of the node's area
+  double area(int i) const { return rows_[i].area; }  // part of the node's area that the hard surface covers, A_i  [m2]
   // share of the node's area that the hard surface covers
-  double covered(int i) const { return area_[i] / whole_area_[i]; }
+  double covered(int i) const { return rows_[i].area / rows_[i].whole_area; }
   // mean gap over the covered area A_i, negative where the bodies overlap  [m]
-  double gap(int i) const { return gap_[i]; }
-  Vec2 tangent(int i) const { return tangent_[i]; }  // unit tangent, in the direction of the soft surface's nodes
-  std::span<const PushWeight> push(int i) const { return push_[i]; }
-  std::span<const RowWeight> overlap(int i) const { return overlap_[i]; }
-  std::span<const RubWeight> rub(int i) const { return rub_[i]; }
-  std::span<const ZoneShare> soft_zones(int i) const { return soft_zones_[i]; }
-  std::span<const ZoneShare> hard_zones(int i) const { return hard_zones_[i]; }
+  double gap(int i) const { return rows_[i].gap; }
+  Vec2 tangent(int i) const { return rows_[i].tangent; }  // unit tangent, in the direction of the soft surface's nodes
+  std::span<const PushWeight> push(int i) const { return rows_[i].push; }
+  std::span<const RowWeight> overlap(int i) const { return rows_[i].overlap; }
+  std::span<const RubWeight> rub(int i) const { return rows_[i].rub; }
+  std::span<const ZoneShare> soft_zones(int i) const { return rows_[i].soft_zones; }
+  std::span<const ZoneShare> hard_zones(int i) const { return rows_[i].hard_zones; }
 
  private:
   // The hard segments that are near each soft segment of a line. No result depends on when the list was made.
@@ -100,6 +118,21 @@ class InterfaceWeights {
     double slack = 0.0;                  // the list holds until a node has moved so far  [m]
   };
 
+  // An interface node. All but the first two members are found for positions of the nodes.
+  struct Row {
+    int node;
+    std::array<int, 2> zones_at;
+    double area = 0.0, gap = 0.0;
+    double whole_area = 0.0;  // covered or not: integral of N_i r dl over the soft surface  [m2]
+    Vec2 normal_sum, tangent;
+    std::vector<PushWeight> push;
+    std::vector<RowWeight> overlap;
+    std::vector<RubWeight> rub;
+    std::vector<ZoneShare> soft_zones, hard_zones;
+
+    void clear();
+  };
+
   int row_after(std::size_t line, int segment) const;
   void find_near(const std::vector<Vec2>& position, std::size_t line);
   void pair_segments(const std::vector<Vec2>& position, std::size_t line, int soft_segment, int hard_segment);
@@ -109,20 +142,7 @@ class InterfaceWeights {
   std::vector<Near> near_;  // of each line
   int rubbing_ = 0;
   std::vector<int> first_;  // index of the interface node at the first soft node of each line
-  std::vector<int> node_;
-  std::vector<int> line_;
-  std::vector<std::array<int, 2>> zones_at_;
-  std::vector<double> area_;
-  // area of each interface node, covered or not: integral of N_i r dl over the soft surface  [m2]
-  std::vector<double> whole_area_;
-  std::vector<double> gap_;
-  std::vector<Vec2> normal_sum_;
-  std::vector<Vec2> tangent_;
-  std::vector<std::vector<PushWeight>> push_;
-  std::vector<std::vector<RowWeight>> overlap_;
-  std::vector<std::vector<RubWeight>> rub_;
-  std::vector<std::vector<ZoneShare>> soft_zones_;
-  std::vector<std::vector<ZoneShare>> hard_zones_;
+  std::vector<Row> rows_;
 };
 
 }  // namespace shearbus::lagrange
