@@ -30,7 +30,7 @@ inline hydro::ColumnProblem aluminium_on_steel(std::vector<double> jumps, std::s
   problem.hard.zone_width = problem.soft.transit_time() * problem.hard.wave_speed();
   problem.dt = courant * problem.soft.transit_time();
   problem.initial_temperature.assign(jumps.size(), 300.0);
-  problem.pressure = hydro::PressureHistory({}, std::vector<double>(jumps.size(), 11.2e9));
+  problem.pressure = hydro::PressureHistory{{}, std::vector<double>(jumps.size(), 11.2e9)};
   problem.initial_jump = std::move(jumps);
   return problem;
 }

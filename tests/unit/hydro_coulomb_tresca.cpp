@@ -68,7 +68,7 @@ struct Plates {
         soft(catalog_material("aluminium_dlp")),
         hard(catalog_material("steel_dlp")) {
     problem.soft.far_end = problem.hard.far_end = end;
-    problem.pressure = hydro::PressureHistory({}, std::vector<double>(problem.columns, pressure));
+    problem.pressure = hydro::PressureHistory{{}, std::vector<double>(problem.columns, pressure)};
   }
   hydro::CoulombTrescaLaw law() const {
     guest::CoulombTresca constants;
