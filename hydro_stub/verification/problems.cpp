@@ -23,13 +23,8 @@ Problem2d ready(const Problem& problem, std::string body_names) {
   Problem2d made(make_bodies(problem));
   made.body_names = std::move(body_names);
   made.compare = [problem](const lagrange::Cycle& cycle) { return compare(problem, cycle); };
-  return made;
-}
-
-template <typename Problem>
-Problem2d with_surface(const Problem& problem, std::string body_names) {
-  Problem2d made = ready(problem, std::move(body_names));
-  made.free_surface = free_surface(problem, made.bodies);
+  if constexpr (requires { free_surface(problem, made.bodies); })
+    made.free_surface = free_surface(problem, made.bodies);
   return made;
 }
 
@@ -45,14 +40,14 @@ Problem2d piston(const guest::HydroScene& scene) {
 
 Problem2d flyer_impact(const guest::HydroScene& scene) {
   const guest::FlyerImpact& given = scene.hydro().flyer_impact();
-  return with_surface(FlyerProblem{.symmetry = symmetry_of(given.symmetry()),
-                                   .target = make_metal(scene.scene().soft(), "soft"),
-                                   .flyer = make_metal(scene.scene().hard(), "hard"),
-                                   .length = given.length_m(),
-                                   .zones = static_cast<int>(given.zones()),
-                                   .speed = given.speed_m_per_s(),
-                                   .flyer_length = given.flyer_length_m()},
-                      "0 target, 1 flyer");
+  return ready(FlyerProblem{.symmetry = symmetry_of(given.symmetry()),
+                            .target = make_metal(scene.scene().soft(), "soft"),
+                            .flyer = make_metal(scene.scene().hard(), "hard"),
+                            .length = given.length_m(),
+                            .zones = static_cast<int>(given.zones()),
+                            .speed = given.speed_m_per_s(),
+                            .flyer_length = given.flyer_length_m()},
+               "0 target, 1 flyer");
 }
 
 Problem2d implosion(const guest::HydroScene& scene) {
@@ -93,12 +88,12 @@ Problem2d gas_flow(const guest::HydroScene& scene) {
 
 Problem2d taylor_bar(const guest::HydroScene& scene) {
   const guest::TaylorBar& given = scene.hydro().taylor_bar();
-  return with_surface(TaylorProblem{.metal = make_metal(scene.scene().soft(), "soft"),
-                                    .radius = given.radius_m(),
-                                    .length = given.length_m(),
-                                    .speed = given.speed_m_per_s(),
-                                    .zones = static_cast<int>(given.zones())},
-                      "0 bar");
+  return ready(TaylorProblem{.metal = make_metal(scene.scene().soft(), "soft"),
+                             .radius = given.radius_m(),
+                             .length = given.length_m(),
+                             .speed = given.speed_m_per_s(),
+                             .zones = static_cast<int>(given.zones())},
+               "0 bar");
 }
 
 Problem2d sliding_plates(const guest::HydroScene& scene) {
