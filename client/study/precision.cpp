@@ -130,7 +130,7 @@ std::string Setting::text() const {
 
 Answer run(const StudyCase& study_case, testing::Rig& rig, std::span<const double> lengths,
            const std::function<void(const physics::TileOutputs&)>& watch) {
-  const auto host = study_case.host(study_case, lengths.front());
+  const auto host = study_case.host(study_case);
   const double share = rig.conducted_share();
   const auto& stress = rig.inputs.wants_mean_stress ? rig.outputs.mean_shear_stress : rig.outputs.shear_stress;
   Answer answer;
@@ -222,8 +222,7 @@ void set_errors(const StudyCase& study_case, const Answer& answer, const Referen
 }
 
 Reference reference_of(const StudyCase& study_case, bool quick) {
-  Reference reference = study_case.reference(study_case);
-  return reference.temperature ? reference : by_extrapolation(study_case, quick);
+  return study_case.exact != nullptr ? study_case.exact(study_case) : by_extrapolation(study_case, quick);
 }
 
 Result sweep(const StudyCase& study_case, const SweepOptions& options) {

@@ -132,7 +132,7 @@ Reference by_extrapolation(const StudyCase& study_case, bool quick) {
   else
     otherwise.steps /= 2;
   const Answer best = combined(combined(in_time, 1.0, in_space, 1.0), 1.0, few, -1.0);
-  Reference reference = study_case.reference(study_case);
+  Reference reference;
   reference.method = grids.text;
   const double range = melting_range(study_case);
   reference.space_error = apart(in_space, limit_in_space(study_case, grids.other)) / range;

@@ -58,7 +58,7 @@ test::HalfSpaces volterra_of(const StudyCase& study_case) {
 // step starts from the jump at the instant after the first contact.
 class HalfSpaces : public Host {
  public:
-  HalfSpaces(const StudyCase& study_case, double) : pair_(volterra_of(study_case)) {
+  explicit HalfSpaces(const StudyCase& study_case) : pair_(volterra_of(study_case)) {
     jump_ = pair_.jump(pair_.limit(pair_.initial_temperature));
   }
   void load(double, double dt, physics::TileInputs& inputs) override {
@@ -82,7 +82,7 @@ class HalfSpaces : public Host {
 // Host of two plates under an alternating force, which makes them slide, stop, stick and slide in the other direction.
 class Shaken : public Host {
  public:
-  Shaken(const StudyCase& study_case, double) : case_(study_case) {}
+  explicit Shaken(const StudyCase& study_case) : case_(study_case) {}
   void load(double time, double dt, physics::TileInputs& inputs) override {
     set_all(inputs.velocity_jump, jump_);
     set_all(inputs.pressure, case_.pressure);
@@ -183,16 +183,10 @@ Reference half_spaces_reference(const StudyCase& study_case) {
   const test::HalfSpaces pair = volterra_of(study_case);
   return from_volterra(study_case, [&](int n) { return test::solve_two_half_spaces(pair, study_case.end, n); });
 }
-Reference extrapolated(const StudyCase&) {
-  return {};  // no exact solution: the caller must compute a reference
-}
 
 template <class H>
-std::unique_ptr<Host> make(const StudyCase& study_case, double dt) {
-  return std::make_unique<H>(study_case, dt);
-}
-std::unique_ptr<Host> make_imposed(const StudyCase& study_case, double) {
-  return std::make_unique<ImposedJump>(study_case);
+std::unique_ptr<Host> make(const StudyCase& study_case) {
+  return std::make_unique<H>(study_case);
 }
 
 }  // namespace
@@ -206,8 +200,8 @@ std::vector<StudyCase> fixed_cases() {
                  .title = "constant flux (exact)",
                  .scene = scene,
                  .end = 1e-6,
-                 .host = make_imposed,
-                 .reference = constant_flux_reference};
+                 .host = make<ImposedJump>,
+                 .exact = constant_flux_reference};
   flux.scene.clear_interface();
   flux.scene.mutable_interface()->set_friction_coefficient(0.05);
   flux.scene.mutable_interface()->set_yield_strength_pa(1e11);
@@ -219,27 +213,22 @@ std::vector<StudyCase> fixed_cases() {
                    .title = "fixed slip, softening",
                    .scene = scene,
                    .end = 1e-6,
-                   .host = make_imposed,
-                   .reference = fixed_slip_reference});
+                   .host = make<ImposedJump>,
+                   .exact = fixed_slip_reference});
   cases.push_back({.name = "two_half_spaces",
                    .title = "two half-spaces (coupled, stiff)",
                    .scene = scene,
                    .end = 300e-9,
                    .host = make<HalfSpaces>,
-                   .reference = half_spaces_reference,
+                   .exact = half_spaces_reference,
                    .coupled = true});
   cases.push_back({.name = "paper_velocity_driven",
                    .title = "paper's case, velocity-driven",
                    .scene = paper_scene(v1::STRATEGY_VELOCITY_DRIVEN),
                    .end = 1e-6,
-                   .host = make_imposed,
-                   .reference = extrapolated});
-  StudyCase shaken{.name = "stick_slip",
-                   .title = "stick-slip with reversals",
-                   .scene = scene,
-                   .end = 1e-6,
-                   .host = make<Shaken>,
-                   .reference = extrapolated};
+                   .host = make<ImposedJump>});
+  StudyCase shaken{
+      .name = "stick_slip", .title = "stick-slip with reversals", .scene = scene, .end = 1e-6, .host = make<Shaken>};
   shaken.mass = 1.0;
   shaken.coupled = true;
   cases.push_back(shaken);
@@ -247,12 +236,8 @@ std::vector<StudyCase> fixed_cases() {
 }
 
 StudyCase case_of(const v1::Scene& scene, double velocity_jump, double pressure, double mass, double end) {
-  StudyCase study_case{.name = scene.name(),
-                       .title = scene.name(),
-                       .scene = scene,
-                       .end = end,
-                       .host = make_imposed,
-                       .reference = extrapolated};
+  StudyCase study_case{
+      .name = scene.name(), .title = scene.name(), .scene = scene, .end = end, .host = make<ImposedJump>};
   study_case.velocity_jump = velocity_jump;
   study_case.pressure = pressure;
   study_case.mass = mass;

@@ -29,9 +29,7 @@ class Host {
 };
 
 struct Reference {
-  // Returns the exact T0 at a time. Without an exact solution the function is empty, and the caller must compute a
-  // reference solution.
-  std::function<double(double)> temperature;
+  std::function<double(double)> temperature;  // T0 at a time
   double impulse = 0.0;
   double work = 0.0;
   // Error of the reference T0, relative to T_melt minus the initial temperature: that of its grid, that of its steps,
@@ -45,12 +43,12 @@ struct StudyCase {
   std::string title;
   v1::Scene scene;  // scene of the problem; a study replaces the grid and the methods of the layer
   double end;       // duration of the run  [s]
-  std::unique_ptr<Host> (*host)(const StudyCase&, double dt);
-  Reference (*reference)(const StudyCase&);
-  double velocity_jump = 100.0;  // initial or imposed jump  [m/s]
-  double pressure = 11.2e9;      // compression of the contact [Pa]
-  double mass = 1.0;             // mass per area of each body  [kg/m2]
-  bool coupled = false;          // true if the inputs of a step depend on the answers of earlier steps
+  std::unique_ptr<Host> (*host)(const StudyCase&);
+  Reference (*exact)(const StudyCase&) = nullptr;  // null: no exact solution, the caller must compute a reference
+  double velocity_jump = 100.0;                    // initial or imposed jump  [m/s]
+  double pressure = 11.2e9;                        // compression of the contact [Pa]
+  double mass = 1.0;                               // mass per area of each body  [kg/m2]
+  bool coupled = false;  // true if the inputs of a step depend on the answers of earlier steps
 };
 
 inline constexpr int kSamples = 10;  // number of samples of T0 in a run, at equal intervals

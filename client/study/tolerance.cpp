@@ -46,7 +46,7 @@ Answer solve_finely(const StudyCase& study_case, int steps, const Fineness& fine
     }
   }
   test::FineLayer layer(options, dt / substeps);
-  const auto host = study_case.host(study_case, dt);
+  const auto host = study_case.host(study_case);
   Answer answer;
   for (int n = 0; n < steps; ++n) {
     physics::TileInputs inputs;
@@ -97,8 +97,8 @@ std::vector<Tracked> track_tolerances(const std::vector<StudyCase>& cases, const
   const auto steps = options.quick ? std::span<const int>(kQuickSteps) : std::span<const int>(kSteps);
   std::vector<Tracked> all;
   for (const StudyCase& study_case : cases) {
-    Reference reference = study_case.reference(study_case);
-    const bool known = reference.temperature && !study_case.coupled;
+    const bool known = study_case.exact != nullptr && !study_case.coupled;
+    Reference reference = known ? study_case.exact(study_case) : Reference{};
     Tracked& tracked =
         all.emplace_back(Tracked{.study_case = study_case.name, .reference = reference.method, .outcomes = {}});
     for (const int count : steps) {
