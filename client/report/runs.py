@@ -44,21 +44,18 @@ def check_texts(path):
 
 def thinned(dataset, rows):
     """Returns these rows of a dataset, read chunk by chunk, because the whole need not fit into memory."""
-    starts = [0, *boundaries(dataset), dataset.shape[0]]
-    wanted = [(begin, rows[(rows >= begin) & (rows < end)]) for begin, end in zip(starts, starts[1:])]
-    return np.concatenate([dataset[own[0] : own[-1] + 1][own - own[0]] for _, own in wanted if own.size])
+    own_rows = np.split(rows, np.flatnonzero(np.diff(rows // rows_of_chunk(dataset))) + 1)
+    return np.concatenate([dataset[own[0] : own[-1] + 1][own - own[0]] for own in own_rows if own.size])
 
 
-def boundaries(dataset):
-    step = dataset.chunks[0] if dataset.chunks else max(1, dataset.shape[0])
-    return range(step, dataset.shape[0], step)
+def rows_of_chunk(dataset):
+    return dataset.chunks[0] if dataset.chunks else max(1, dataset.shape[0])
 
 
 def chunks(dataset):
     """Yields the rows of a dataset, chunk by chunk."""
-    starts = [0, *boundaries(dataset), dataset.shape[0]]
-    for begin, end in zip(starts, starts[1:]):
-        yield dataset[begin:end]
+    step = rows_of_chunk(dataset)
+    return (dataset[begin : begin + step] for begin in range(0, dataset.shape[0], step))
 
 
 def text_of(value):
