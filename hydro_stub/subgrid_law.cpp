@@ -31,13 +31,8 @@ bool ends_call(Calls& calls) {
 }
 
 Options session_options(const SubgridServer& server, const std::shared_ptr<Calls>& calls) {
-  Options options;
-  options.name = "shearbus-hydro";
-  options.endpoint = server.address.endpoint;
-  options.server_key_file = server.address.server_key_file;
-  options.secret_key_file = server.address.secret_key_file;
+  Options options = options_of("shearbus-hydro", server.address);
   options.check_closure = server.check_closure ? SHEARBUS_CHECK_WARN : SHEARBUS_CHECK_OFF;
-  options.ignore_environment = true;  // the command line decides
   options.interrupted = [calls] { return ends_call(*calls); };
   options.log = [calls](const std::string& line) {
     if (calls->opened || !is_about_opening(line)) fmt::print(stderr, "shearbus: {}\n", line);

@@ -73,11 +73,7 @@ struct Options {
 ctl::Operator connect(const Options& options, bool once = false) {
   shearbus::files::ServerAddress server{.endpoint = options.server};
   read_keys_into(server, options.server_key, options.key);  // refuses keys that do not go together
-  return ctl::Operator({.endpoint = server.endpoint,
-                        .server_key_file = server.server_key_file,
-                        .secret_key_file = server.secret_key_file,
-                        .deadline_s = options.timeout_s,
-                        .once = once});
+  return {server, options.timeout_s, once};
 }
 
 void ping(const Options& options) {

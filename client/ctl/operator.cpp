@@ -58,6 +58,12 @@ Message message_of(const nlohmann::json& json) {
   return message;
 }
 
+shearbus_question question_of(int what) {
+  shearbus_question question = SHEARBUS_QUESTION_INIT;
+  question.what = what;
+  return question;
+}
+
 }  // namespace
 
 struct Operator::Impl {
@@ -69,25 +75,17 @@ struct Operator::Impl {
   }
   template <typename Message>
   Message ask_for(int what) {
-    shearbus_question question = SHEARBUS_QUESTION_INIT;
-    question.what = what;
-    return message_of<Message>(ask(question));
+    return message_of<Message>(ask(question_of(what)));
   }
 
   shearbus::Operator door;
   wire::Welcome welcome;
 };
 
-Operator::Operator(const Reach& reach) {
-  shearbus::Options options;
-  options.name = "shearbus-ctl";
-  options.endpoint = reach.endpoint;
-  options.server_key_file = reach.server_key_file;
-  options.secret_key_file = reach.secret_key_file;
-  options.connect_deadline_s = reach.deadline_s;
-  options.reply_deadline_s = reach.deadline_s;
-  if (reach.once) options.retry_after_s = reach.deadline_s;
-  options.ignore_environment = true;  // the command line decides
+Operator::Operator(const files::ServerAddress& server, double deadline_s, bool once) {
+  shearbus::Options options = options_of("shearbus-ctl", server);
+  options.connect_deadline_s = options.reply_deadline_s = deadline_s;
+  if (once) options.retry_after_s = deadline_s;
   impl_ = asking([&] { return std::make_unique<Impl>(options); });
 }
 Operator::Operator(Operator&&) noexcept = default;
@@ -108,8 +106,7 @@ wire::Checkpointed Operator::checkpoint() {
 }
 
 wire::Draining Operator::drain(bool exit, std::uint64_t within_s) {
-  shearbus_question question = SHEARBUS_QUESTION_INIT;
-  question.what = SHEARBUS_ASK_DRAIN;
+  shearbus_question question = question_of(SHEARBUS_ASK_DRAIN);
   question.exit = exit ? 1 : 0;
   question.within_s = within_s;
   return message_of<wire::Draining>(impl_->ask(question));
@@ -117,8 +114,7 @@ wire::Draining Operator::drain(bool exit, std::uint64_t within_s) {
 
 wire::SessionClosed Operator::close(const wire::SessionInfo& session) {
   const std::string id = wire::hexadecimal(session.session_id);
-  shearbus_question question = SHEARBUS_QUESTION_INIT;
-  question.what = SHEARBUS_ASK_CLOSE;
+  shearbus_question question = question_of(SHEARBUS_ASK_CLOSE);
   question.session = id.c_str();
   question.last_sequence = session.last_sequence;
   return message_of<wire::SessionClosed>(impl_->ask(question));
@@ -126,8 +122,7 @@ wire::SessionClosed Operator::close(const wire::SessionInfo& session) {
 
 TopNodes Operator::top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count) {
   const std::string id = wire::hexadecimal(session);
-  shearbus_question question = SHEARBUS_QUESTION_INIT;
-  question.what = SHEARBUS_ASK_TOP;
+  shearbus_question question = question_of(SHEARBUS_ASK_TOP);
   question.session = id.c_str();
   question.top = static_cast<int>(by);
   question.count = count;
@@ -145,11 +140,9 @@ TopNodes Operator::top_nodes(const wire::SessionId& session, wire::Top by, std::
 }
 
 CheckedScene check_scene(const std::string& text, const std::string& file) {
-  shearbus::Options options;
-  options.name = "shearbus-ctl";
+  shearbus::Options options = options_of("shearbus-ctl", {});
   options.scene_text = text;
   options.scene_name = file;
-  options.ignore_environment = true;
   options.log = [](const std::string&) {};  // the caller tells the warnings
   return asking([&] {
     shearbus::Session session(options, {0});

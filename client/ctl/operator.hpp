@@ -7,20 +7,13 @@
 #include <string>
 #include <vector>
 
+#include "proto/files/key_file.hpp"
 #include "proto/wire/messages.hpp"
 
 namespace shearbus::ctl {
 
 using wire::Code;
 using wire::Error;
-
-struct Reach {
-  std::string endpoint;
-  std::string server_key_file, secret_key_file;
-  double deadline_s = 5.0;
-  // A request is not repeated before the deadline: a server would make a repeated checkpoint once more.
-  bool once = false;
-};
 
 // The nodes of a session that rank highest. The sliding velocity is filled for Top::kFastest only.
 struct TopNodes {
@@ -36,7 +29,8 @@ struct TopNodes {
 // All calls throw Error.
 class Operator {
  public:
-  explicit Operator(const Reach& reach);
+  // `once`: a request is not repeated before the deadline; a server would make a repeated checkpoint once more.
+  Operator(const files::ServerAddress& server, double deadline_s, bool once);
   Operator(Operator&&) noexcept;
   Operator& operator=(Operator&&) noexcept;
   ~Operator();

@@ -13,15 +13,10 @@ namespace {
 
 shearbus::Options options_of(const files::ServerAddress& server, const std::string& scene,
                              const std::string& scene_file) {
-  shearbus::Options options;
-  options.name = "shearbus-replay";
-  options.endpoint = server.endpoint;
-  options.server_key_file = server.server_key_file;
-  options.secret_key_file = server.secret_key_file;
+  shearbus::Options options = shearbus::options_of("shearbus-replay", server);
   options.scene_text = scene;
   options.scene_name = scene_file;
   options.check_closure = SHEARBUS_CHECK_OFF;  // unlike a host, a history does not react to answers
-  options.ignore_environment = true;           // the command line decides
   options.threads = std::max(1U, std::thread::hardware_concurrency());
   options.interrupted = [] { return program::interrupted(); };
   options.log = [](const std::string& line) {

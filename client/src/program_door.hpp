@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/files/key_file.hpp"
 #include "proto/wire/batch.hpp"
 #include "proto/wire/status.hpp"
 
@@ -28,6 +29,17 @@ auto asking(const Ask& ask) -> decltype(ask()) {
                        .field = fault.field(),
                        .node_ids = fault.nodes()});
   }
+}
+
+// The options of a program whose command line decides, whatever the environment says.
+inline Options options_of(const std::string& program, const files::ServerAddress& server) {
+  Options options;
+  options.name = program;
+  options.endpoint = server.endpoint;
+  options.server_key_file = server.server_key_file;
+  options.secret_key_file = server.secret_key_file;
+  options.ignore_environment = true;
+  return options;
 }
 
 inline std::vector<std::string> lines_of(const std::string& text) {
