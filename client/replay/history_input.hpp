@@ -22,8 +22,6 @@ class HistoryInput {
   // form of the requests: stick form if the history has the columns of that form and lacks those of the far-field form
   Form form() const { return form_; }
   bool force_driven() const { return force_driven_; }
-  std::uint32_t components() const { return components_; }  // number of tangential components of slip and stress
-  bool closed_loop() const { return closed_loop_; }
   const std::string& jump_origin() const { return jump_origin_; }  // source of the velocity jump, for the summary
   const std::vector<std::string>& notes() const { return notes_; }
 
@@ -49,7 +47,7 @@ class HistoryInput {
   Table& history_;
   bool force_driven_;
   Form form_ = Form::kFarField;
-  std::uint32_t components_;
+  std::uint32_t components_;  // number of tangential components of slip and stress
   bool closed_loop_ = false;
   std::vector<Column> rows_;       // columns with one value per step and node, [step][node]
   std::vector<Column> constants_;  // columns with one value per node

@@ -45,6 +45,16 @@ struct Plan {
   bool host_times = true;  // whether time_s is the end of each step, else the sum of dt
 };
 
+// Reads a log again, and calls visit(log, order, row) for each of these rows, in their order.
+void each_row(const std::filesystem::path& file, const std::vector<Row>& rows, const auto& visit) {
+  Log log(file);
+  NodeOrder order;
+  for (auto row = rows.begin(); row != rows.end() && log.next();) {
+    if (log.index() == row->record) visit(log, order, *row++);
+    order.follow(log.request(), log.reply());
+  }
+}
+
 class Planner {
  public:
   Planner(const ExportOptions& options, Plan& plan) : options_(options), plan_(plan), log_(options.log) {}
@@ -116,17 +126,10 @@ class Planner {
 
   // Reads the log again for what all rows have in common. With a chosen node, only the rows that name it stay.
   void check_rows() {
-    Log log(options_.log);
-    NodeOrder order;
-    auto row = plan_.rows.begin();
     std::vector<Row> kept;
-    while (row != plan_.rows.end() && log.next()) {
-      if (log.index() == row->record) {
-        if (add(log, order, kept.empty())) kept.push_back(*row);
-        ++row;
-      }
-      order.follow(log.request(), log.reply());
-    }
+    each_row(options_.log, plan_.rows, [&](const Log& log, const NodeOrder& order, const Row& row) {
+      if (add(log, order, kept.empty())) kept.push_back(row);
+    });
     if (kept.size() != plan_.rows.size()) plan_.host_times = false;
     plan_.rows = std::move(kept);
     if (plan_.rows.empty())
@@ -226,7 +229,7 @@ std::size_t export_log(const ExportOptions& options) {
     if (csv || !is_per_node(place.first) || plan.masses_change) columns.push_back(place);
   const std::size_t inputs = columns.size();
   columns.insert(columns.end(), plan.outputs.begin(), plan.outputs.end());
-  std::map<std::string, std::string> meta = {{"producer", "shearbus-replay " + options.version},
+  std::map<std::string, std::string> meta = {{"producer", "shearbus-replay " SHEARBUS_RELEASE},
                                              {"commit", server::kCommit},
                                              {"scene", plan.scene},
                                              {"input_file", options.log.filename().string()},
@@ -238,29 +241,22 @@ std::size_t export_log(const ExportOptions& options) {
     for (const auto& [place, values] : plan.masses)
       hdf5->add_static(files::quantity_of_column(place.first, place.second), values);
   std::vector<double> numbers(plan.nodes.size());
-  Log log(options.log);
-  NodeOrder order;
-  auto row = plan.rows.begin();
   std::vector<std::uint8_t> codes(plan.nodes.size());
-  while (row != plan.rows.end() && log.next()) {
-    if (log.index() == row->record) {
-      const auto ids = order.rows_of(log.request());
-      table.begin_step(row->time_s, row->dt_s);
-      for (std::size_t i = 0; i < columns.size(); ++i) {
-        const wire::Batch& batch = i < inputs ? log.request().batch : log.reply().batch;
-        if (wire::element_of(columns[i].first) == wire::Element::kUint8) {
-          planner.values_of(batch, columns[i], ids, codes);
-          table.set(i, std::span<const std::uint8_t>(codes));
-        } else {
-          planner.values_of(batch, columns[i], ids, numbers);
-          table.set(i, std::span<const double>(numbers));
-        }
+  each_row(options.log, plan.rows, [&](const Log& log, const NodeOrder& order, const Row& row) {
+    const auto ids = order.rows_of(log.request());
+    table.begin_step(row.time_s, row.dt_s);
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+      const wire::Batch& batch = i < inputs ? log.request().batch : log.reply().batch;
+      if (wire::element_of(columns[i].first) == wire::Element::kUint8) {
+        planner.values_of(batch, columns[i], ids, codes);
+        table.set(i, std::span<const std::uint8_t>(codes));
+      } else {
+        planner.values_of(batch, columns[i], ids, numbers);
+        table.set(i, std::span<const double>(numbers));
       }
-      table.end_step();
-      ++row;
     }
-    order.follow(log.request(), log.reply());
-  }
+    table.end_step();
+  });
   table.close();
   return plan.rows.size();
 }

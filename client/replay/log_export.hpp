@@ -13,7 +13,6 @@ struct ExportOptions {
   std::filesystem::path out;              // HDF5, or CSV if it ends in .csv or .tsv
   std::optional<std::uint64_t> node;      // the steps of this node alone
   std::optional<std::string> after_mark;  // only the steps after the mark was last set
-  std::string version;                    // of this program, for /meta
   std::string changes = {};               // of the scene since the recording, for /meta; empty: none
   std::filesystem::path final_name = {};  // tells HDF5 or CSV in place of `out`, which is renamed to it later; or empty
 

@@ -27,7 +27,6 @@
 #include "proto/files/whole_file.hpp"
 #include "proto/program/interrupt.hpp"
 #include "proto/program/program.hpp"
-#include "proto/program/progress.hpp"
 #include "proto/scene/changed.hpp"
 #include "proto/scene/reader.hpp"
 #include "proto/wire/codec.hpp"
@@ -161,10 +160,10 @@ struct Replayed {
 
 class LogReplay {
  public:
-  explicit LogReplay(const LogReplayOptions& options) : options_(options) {}
+  explicit LogReplay(const Options& options) : options_(options) {}
 
   bool run() {
-    const std::vector<fs::path> files = logs_below(options_.logs);
+    const std::vector<fs::path> files = logs_below(options_.inputs);
     if (!options_.from_mark.empty() && files.size() > 1)
       throw Error({.code = Code::kUnsupported,
                    .text = fmt::format("--from-mark takes one event log; there are {}", files.size())});
@@ -279,7 +278,6 @@ class LogReplay {
                   .out = table_->path(),
                   .node = {},
                   .after_mark = options_.from_mark.empty() ? std::nullopt : std::optional(options_.from_mark),
-                  .version = options_.version,
                   .changes = fmt::format("{}", fmt::join(options_.set, ", ")),
                   .final_name = options_.out});
       table_->publish();
@@ -400,7 +398,7 @@ class LogReplay {
       fmt::print("  result                      {}\n", program::shown(options_.out));
   }
 
-  const LogReplayOptions& options_;
+  const Options& options_;
   std::unique_ptr<Peer> peer_;
   std::optional<files::PartialFile> table_;  // of --out, unless that is an event log
   scene::ChangedScene changed_scene_;
@@ -421,9 +419,9 @@ bool holds_event_logs(const fs::path& path) {
   return fs::is_directory(path, ignored) || files::is_event_log(path);
 }
 
-void check_sweep(const LogReplayOptions& options, std::span<const std::string> changes) {
+void check_sweep_of_logs(const Options& options, std::span<const std::string> changes) {
   if (!options.server.endpoint.empty()) return;
-  for (const fs::path& file : logs_below(options.logs)) {
+  for (const fs::path& file : logs_below(options.inputs)) {
     const Log log(file);
     const bool other = !options.scene.empty();
     const std::string text = other ? scene::load_text(options.scene) : log.head().scene;
@@ -441,7 +439,7 @@ void check_sweep(const LogReplayOptions& options, std::span<const std::string> c
   }
 }
 
-bool replay_logs(const LogReplayOptions& options) {
+bool replay_logs(const Options& options) {
   return LogReplay(options).run();
 }
 

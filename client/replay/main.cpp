@@ -35,15 +35,12 @@ constexpr int kTrouble = 2;
 
 // Values of the command line.
 struct Command {
-  replay::Options run;  // replay of a table
-  replay::LogReplayOptions logs;
-  std::vector<fs::path> inputs;
+  replay::Options run;
   fs::path server_key, own_key;
   fs::path capsule;
   bool explain = false;
   bool points = false, steps = false;
   std::string sweep;
-  double rtol = 0.0;
   replay::ExportOptions exported;
   std::uint64_t node = 0;
   fs::path a, b;
@@ -52,7 +49,7 @@ struct Command {
 
 // Declares the options of a replay, which are those of the program without a subcommand.
 void describe_replay(CLI::App& app, Command& command) {
-  app.add_option("INPUT", command.inputs,
+  app.add_option("INPUT", command.run.inputs,
                  "a macroscopic history, HDF5 or CSV; or event logs, or a directory of event logs")
       ->type_name("");
   app.add_option("--scene", command.run.scene,
@@ -79,10 +76,10 @@ void describe_replay(CLI::App& app, Command& command) {
       ->type_name("SECONDS");
   app.add_option("--columns", command.run.table.columns, "names and units of a CSV file's columns; - leaves one out")
       ->type_name("time:us,pressure:GPa,...");
-  app.add_option("--from-mark", command.logs.from_mark,
+  app.add_option("--from-mark", command.run.from_mark,
                  "of an event log: --set holds from this mark on, and the result begins there")
       ->type_name("NAME");
-  app.add_option("--rtol", command.rtol,
+  app.add_option("--rtol", command.run.rtol,
                  "of event logs: largest relative difference of equal answers; default: same bits");
   app.add_option(
          "--server", command.run.server.endpoint,
@@ -128,7 +125,7 @@ void describe(CLI::App& app, Command& command) {
       app.add_subcommand("compare", "the first step, node and quantity in which two logs or results differ");
   compare->add_option("A", command.a)->required()->type_name("");
   compare->add_option("B", command.b)->required()->type_name("");
-  compare->add_option("--rtol", command.rtol,
+  compare->add_option("--rtol", command.run.rtol,
                       "largest relative difference of equal numbers, of tables with the largest difference of each "
                       "column; default: same bits, up to the first that differs");
   compare->footer("Exit code: 0 equal, 1 different, 2 trouble.");
@@ -167,9 +164,9 @@ void check(const CLI::App& app, Command& command) {
   if (const std::string fault = files::fault_of_keys(command.run.server, command.server_key, command.own_key);
       !fault.empty())
     throw CLI::ValidationError(fault);
-  if (command.rtol < 0) throw CLI::ValidationError("--rtol", "expected a number from 0 on");
+  if (command.run.rtol < 0) throw CLI::ValidationError("--rtol", "expected a number from 0 on");
   const replay::Options& run = command.run;
-  const bool has_history = !command.inputs.empty() || !run.scene.empty() || !run.out.empty();
+  const bool has_history = !run.inputs.empty() || !run.scene.empty() || !run.out.empty();
   if (std::ranges::count_if(command.plot.files, files::is_event_log) > 1)
     throw CLI::ValidationError("FILES", "expected one event log; of several make tables first: shearbus-replay export");
   if (app.got_subcommand("plot") && command.plot.out.extension() != ".png")
@@ -181,50 +178,35 @@ void check(const CLI::App& app, Command& command) {
   }
   if (!command.capsule.empty() && has_history) throw CLI::ExcludesError("--capsule", "INPUT, --scene and --out");
   if (command.explain && run.scene.empty()) throw CLI::RequiredError("--scene");
-  if (command.explain && !(command.inputs.empty() && run.out.empty() && command.capsule.empty()))
+  if (command.explain && !(run.inputs.empty() && run.out.empty() && command.capsule.empty()))
     throw CLI::ExcludesError("--explain", "INPUT, --out and --capsule");
   if (command.explain || !command.capsule.empty()) return;
-  if (command.inputs.empty()) throw CLI::RequiredError("INPUT");
+  if (run.inputs.empty()) throw CLI::RequiredError("INPUT");
   if (app.count("--dt") > 0 && !(run.table.dt_s > 0)) throw CLI::ValidationError("--dt", "expected a length above 0 s");
   if (run.profile_nodes.empty() != run.profile_times_s.empty()) throw CLI::RequiredError("--profile-times");
   if (!command.sweep.empty() && run.out.empty()) throw CLI::RequiredError("--out");
-  if (replay::holds_event_logs(command.inputs.front())) {
+  if (replay::holds_event_logs(run.inputs.front())) {
     for (const char* name :
          {"--points", "--steps", "--dt", "--columns", "--check", "--closed-loop", "--profile-nodes", "--json"})
       if (app.count(name) > 0) throw CLI::ExcludesError(name, "event logs");
     return;
   }
   std::error_code absent;
-  if (!std::filesystem::exists(command.inputs.front(), absent) && run.scene.empty())
-    throw CLI::ValidationError("INPUT", fmt::format("{}: {}", shearbus::program::shown(command.inputs.front()),
+  if (!std::filesystem::exists(run.inputs.front(), absent) && run.scene.empty())
+    throw CLI::ValidationError("INPUT", fmt::format("{}: {}", shearbus::program::shown(run.inputs.front()),
                                                     absent ? absent.message() : "there is no such file or directory"));
   for (const char* name : {"--from-mark", "--rtol"})
     if (app.count(name) > 0) throw CLI::ValidationError(name, "is for event logs; INPUT is none");
-  if (command.inputs.size() > 1) throw CLI::ValidationError("INPUT", "expected one history");
+  if (run.inputs.size() > 1) throw CLI::ValidationError("INPUT", "expected one history");
   if (run.scene.empty())
     throw CLI::ValidationError("--scene", fmt::format("a history needs it, and {} is no event log",
-                                                      shearbus::program::shown(command.inputs.front())));
+                                                      shearbus::program::shown(run.inputs.front())));
   if (run.out.empty() && !run.check) throw CLI::RequiredError("--out");
 }
 
-// The options of a replay of event logs, from those of one of a history.
-replay::LogReplayOptions of_logs(const Command& command, const replay::Options& run) {
-  replay::LogReplayOptions logs = command.logs;
-  logs.logs = command.inputs;
-  logs.scene = run.scene;
-  logs.set = run.set;
-  logs.swept = run.swept;
-  logs.server = run.server;
-  logs.out = run.out;
-  logs.rtol = command.rtol;
-  logs.version = run.version;
-  return logs;
-}
-
 // Replays the inputs once. Returns the exit code.
-int replay_once(const Command& command, const replay::Options& run) {
-  if (replay::holds_event_logs(command.inputs.front()))
-    return replay::replay_logs(of_logs(command, run)) ? 0 : kRunError;
+int replay_once(const replay::Options& run) {
+  if (replay::holds_event_logs(run.inputs.front())) return replay::replay_logs(run) ? 0 : kRunError;
   replay::run(run);
   return 0;
 }
@@ -234,8 +216,8 @@ int replay_sweep(const Command& command) {
   const auto changes = changes_of(command.sweep);
   std::vector<std::string> values;
   for (const auto& [change, word] : changes) values.push_back(change);
-  if (replay::holds_event_logs(command.inputs.front()))
-    replay::check_sweep(of_logs(command, command.run), values);
+  if (replay::holds_event_logs(command.run.inputs.front()))
+    replay::check_sweep_of_logs(command.run, values);
   else
     replay::check_sweep(command.run, values);
   for (const auto& [change, word] : changes) {
@@ -244,16 +226,15 @@ int replay_sweep(const Command& command) {
     one.swept = true;
     one.out.replace_filename(command.run.out.stem().string() + "-" + word + command.run.out.extension().string());
     fmt::print("{}\n", change);
-    if (const int code = replay_once(command, one); code != 0) return code;
+    if (const int code = replay_once(one); code != 0) return code;
   }
   return 0;
 }
 
 int run(const CLI::App& app, Command& command) {
-  if (app.got_subcommand("compare")) return replay::compare(command.a, command.b, command.rtol) ? 0 : kDiffers;
+  if (app.got_subcommand("compare")) return replay::compare(command.a, command.b, command.run.rtol) ? 0 : kDiffers;
   if (app.got_subcommand("export")) {
     if (app.get_subcommand("export")->count("--node") > 0) command.exported.node = command.node;
-    command.exported.version = command.run.version;
     const std::size_t steps = replay::export_log(command.exported);
     fmt::print("{}: {} steps\n", shearbus::program::shown(command.exported.out), steps);
     return 0;
@@ -272,8 +253,7 @@ int run(const CLI::App& app, Command& command) {
   command.run.table.rows = command.points  ? replay::Rows::kPoints
                            : command.steps ? replay::Rows::kSteps
                                            : replay::Rows::kUnspecified;
-  command.run.history = command.inputs.front();
-  return command.sweep.empty() ? replay_once(command, command.run) : replay_sweep(command);
+  return command.sweep.empty() ? replay_once(command.run) : replay_sweep(command);
 }
 
 }  // namespace
@@ -281,7 +261,6 @@ int run(const CLI::App& app, Command& command) {
 int main(int argc, char** argv) {
   shearbus::program::begin_program();
   Command command;
-  command.run.version = command.exported.version = command.plot.version = SHEARBUS_RELEASE;
   command.run.arguments = {argv, static_cast<std::size_t>(argc)};
   CLI::App app("Replays macroscopic histories and event logs through the subgrid friction service.", "shearbus-replay");
   describe(app, command);

@@ -41,12 +41,8 @@ void plot(const PlotOptions& options) {
       continue;
     }
     exported.emplace(options.out.string() + ".h5", files::kHistoryFile, files::PartialFile::Writers::kAny);
-    export_log({.log = file,
-                .out = exported->path(),
-                .node = options.node,
-                .after_mark = {},
-                .version = options.version,
-                .final_name = exported->file()});
+    export_log(
+        {.log = file, .out = exported->path(), .node = options.node, .after_mark = {}, .final_name = exported->file()});
     words.push_back(exported->path().string());
   }
   if (!program::run_python(std::move(words))) throw Told();

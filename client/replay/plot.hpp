@@ -13,7 +13,6 @@ struct PlotOptions {
   std::vector<std::filesystem::path> files;  // HDF5 files of the same steps, or one event log
   std::filesystem::path out;                 // a PNG file
   std::optional<std::uint64_t> node;         // none: the hottest
-  std::string version;                       // of this program
 };
 
 // Throws Error, or Told where Python has told why the picture is not drawn.

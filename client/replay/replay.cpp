@@ -176,7 +176,7 @@ void check_steps(const Options& options, const Table& history, HistoryInput& inp
 
 // Refuses, before any work, what could not be written at the end.
 void check_out(const Options& options) {
-  const std::array<files::InputFile, 2> inputs = {{{"the history", options.history}, {"the scene", options.scene}}};
+  const std::array<files::InputFile, 2> inputs = {{{"the history", options.history()}, {"the scene", options.scene}}};
   files::refuse_inputs_as_output("--out", options.out, inputs);
   refuse_ending_of_text(options.out);
   if (is_text_result(options.out) && !options.profile_nodes.empty())
@@ -206,7 +206,7 @@ struct ReplaySummary {
 };
 
 void print_summary(const ReplaySummary& run) {
-  fmt::print("{}: {}\n", program::shown(run.options.history), run.extent);
+  fmt::print("{}: {}\n", program::shown(run.options.history()), run.extent);
   fmt::print("  scene                       {} ({})\n", run.scene_name, program::shown(run.options.scene));
   fmt::print("  velocity jump               {}\n", run.input.jump_origin());
   for (const std::string& note : run.input.notes())
@@ -225,7 +225,7 @@ void explain(const fs::path& scene) {
 
 void check_sweep(const Options& options, std::span<const std::string> changes) {
   const std::string text = scene::load_text(options.scene);
-  Table history(options.history, options.table);
+  Table history(options.history(), options.table);
   const NodeProperties properties = NodeProperties::of(history);
   for (const std::string& change : changes) {
     std::vector<std::string> set = options.set;
@@ -241,7 +241,7 @@ void run(const Options& options) {
   const scene::ChangedScene changed(scene::load_text(options.scene), options.scene.string(), options.set,
                                     options.swept);
   const std::string& scene = changed.text();
-  Table history(options.history, options.table);
+  Table history(options.history(), options.table);
   const NodeProperties properties = NodeProperties::of(history);
   RunTime time{.reading = Clock::now() - start};
 
@@ -264,17 +264,17 @@ void run(const Options& options) {
                   wire::counted(history.nodes(), "node"), history.start_time_s(), history.times_s().back());
   if (options.check) {
     bus.close();
-    fmt::print("{} fits {}: {}\n", program::shown(options.history), program::shown(options.scene), extent);
+    fmt::print("{} fits {}: {}\n", program::shown(options.history()), program::shown(options.scene), extent);
     return;
   }
 
   const server::Entries provenance = server::provenance("shearbus-replay", bus.opened().scene_name, options.arguments);
   std::map<std::string, std::string> meta = {
-      {"producer", "shearbus-replay " + options.version},
+      {"producer", "shearbus-replay " SHEARBUS_RELEASE},
       {"server_version", bus.server_version()},
       {"scene", bus.opened().effective_scene},
-      {"input_file", options.history.filename().string()},
-      {"input_hash", files::hash_of_file(options.history)},
+      {"input_file", options.history().filename().string()},
+      {"input_hash", files::hash_of_file(options.history())},
       {"input_jump", input.jump_origin()},
       {"commit", server::value_of(provenance, "commit")},
       {"machine", server::value_of(provenance, "machine")},
@@ -295,7 +295,7 @@ void run(const Options& options) {
 
   if (options.json) {
     nlohmann::ordered_json summary = {{"scene", bus.opened().scene_name},
-                                      {"history", options.history.string()},
+                                      {"history", options.history().string()},
                                       {"result", options.out.string()},
                                       {"steps", history.steps()},
                                       {"nodes", history.nodes()},

@@ -12,8 +12,9 @@
 namespace shearbus::replay {
 
 struct Options {
-  std::filesystem::path history;
-  std::filesystem::path scene;
+  std::vector<std::filesystem::path> inputs;  // a history; or event logs, a directory stands for all logs in it
+  std::filesystem::path scene;                // of event logs: in place of the recorded one; empty: none
+  // HDF5 or CSV; of event logs also a new log or, for several, a directory; empty: none
   std::filesystem::path out;
   TableOptions table;            // how to read and resample the history
   std::vector<std::string> set;  // "table.key=value": changes of the scene
@@ -24,10 +25,13 @@ struct Options {
   std::vector<std::uint64_t> profile_nodes;  // nodes whose profiles are recorded, in the group /profiles of the result
   std::vector<double> profile_times_s;       // times of these profiles
   bool progress = true;
-  bool json = false;  // print the summary as one JSON object
+  bool json = false;      // print the summary as one JSON object
+  std::string from_mark;  // of an event log: the changes hold from this mark on; empty: from the opening
+  double rtol = 0.0;      // of event logs: largest relative difference of equal numbers; 0: equal bits
   // Command line of this program, for the provenance in /meta of the result and in the JSON summary.
   std::span<const char* const> arguments;
-  std::string version;  // version of this program, for /meta of the result
+
+  const std::filesystem::path& history() const { return inputs.front(); }
 };
 
 // Prints how much time and memory each part of the scene costs per node, without replaying a history.
