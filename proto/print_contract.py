@@ -10,6 +10,7 @@ print_contract.py --self-test  shows that a file which is not as printed is noti
 Part of a file stands between two lines, one with "print_contract.py: NAME" and one with "print_contract.py: end"."""
 import argparse
 import difflib
+import itertools
 import pathlib
 import re
 import sys
@@ -239,11 +240,9 @@ def fortran_numbers(what):
 
 
 def fortran_members(what, kinds, shape):
-    lines, heads = [], {}
-    for column, _, name in fortran_columns(what, kinds):
-        heads.setdefault(column, []).append(name)
-    for column, names in heads.items():
-        head = f"    real(real64), allocatable :: {', '.join(name + shape for name in names)}"
+    lines = []
+    for column, components in itertools.groupby(fortran_columns(what, kinds), lambda row: row[0]):
+        head = f"    real(real64), allocatable :: {', '.join(name + shape for _, _, name in components)}"
         meaning = f"{column.unit or '1'}: {column.meaning}"
         if len(head) + len(meaning) + 4 > 132:
             lines += textwrap.wrap(meaning, 126, initial_indent="    ! ", subsequent_indent="    ! ") + [head]
@@ -305,23 +304,17 @@ def fortran_parameter(parameter, structs):
 
 def fortran_rows(rows, indent):
     """Returns the declarations of (type, name), those of one type together."""
-    heads = []
-    for kind, name in rows:
-        if not heads or heads[-1][0] != kind:
-            heads.append((kind, []))
-        heads[-1][1].append(name.replace(" ", "\0"))
-    return [line for kind, names in heads for line in continued(f"{' ' * indent}{kind} :: ", ", ".join(names))]
+    return [line for kind, group in itertools.groupby(rows, lambda row: row[0])
+            for line in continued(f"{' ' * indent}{kind} :: ", ", ".join(name.replace(" ", "\0") for _, name in group))]
 
 
 def fortran_function(function, structs):
     result = "type(c_ptr)" if "*" in function.result else FORTRAN.get(function.result)
     head = f"    {result + ' function' if result else 'subroutine'} c_{function.name}("
-    given = {}
-    for parameter in function.parameters:
-        kind, name = fortran_parameter(parameter, structs)
-        given.setdefault(kind, []).append(name)
+    rows = [fortran_parameter(parameter, structs) for parameter in function.parameters]
+    kinds = [kind for kind, _ in rows]
     return [*continued(head, f"{', '.join(p.name for p in function.parameters)}) bind(c,\0name='shearbus_{function.name}')"), "      import",
-            *fortran_rows([(kind, name) for kind, names in given.items() for name in names], 6), f"    end {'function' if result else 'subroutine'}"]
+            *fortran_rows(sorted(rows, key=lambda row: kinds.index(row[0])), 6), f"    end {'function' if result else 'subroutine'}"]
 
 
 def contract_inc(what):
