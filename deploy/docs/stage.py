@@ -70,7 +70,7 @@ def section(text, anchor):
 
 class Site:
     def __init__(self, root, out):
-        self.root, self.out, self.wanted, self.made = root, out, [], set()
+        self.root, self.out, self.wanted = root, out, set()
         listed = subprocess.run(["git", "-C", root, "ls-files", "-co", "--exclude-standard"], capture_output=True, text=True)
         names = listed.stdout.splitlines() if listed.returncode == 0 else [p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file()]
         self.files = {n for n in names if (root / n).is_file() and not re.match(r"build|out/|\.git/", n)}
@@ -91,14 +91,14 @@ class Site:
             if name in GENERATED:
                 return GENERATED[name] + ".md", anchor
             if pathlib.Path(name).suffix not in PICTURES:
-                self.wanted.append(name)
+                self.wanted.add(name)
                 return self.place(name) + ".md", ""
             self.copy(name)
             return self.place(name), ""
         if name + "/README.md" in self.pages:
             return self.place(name + "/README.md"), anchor
         if any(f.startswith(name + "/") for f in self.files):
-            self.wanted.append(name)
+            self.wanted.add(name)
             return self.place(name) + "/index.md", ""
         sys.exit(f"{page}: the tree has no file for the link {link}")
 
@@ -145,9 +145,6 @@ class Site:
 
     def show(self, name):
         """Makes the page of a source file, or of a directory."""
-        if name in self.made:
-            return
-        self.made.add(name)
         if name in self.files:
             self.write(self.place(name) + ".md", f"---\norphan: true\n---\n# {name}\n\n" + code(name, (self.root / name).read_text()))
             return
@@ -229,7 +226,7 @@ def tables_page(title, source, text):
         if head := part.get("head"):
             if odd := [row for row in part["rows"] if len(row) != len(head)]:
                 sys.exit(f"{source}: a row of {len(head)} cells is expected, found {odd[0]}")
-            page += "\n" + "".join(f"| {' | '.join(row)} |\n" for row in (head, ["---"] * len(head), *part["rows"]))
+            page += "\n" + fortran_page.table(head, part["rows"])
     return page
 
 
