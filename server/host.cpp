@@ -64,9 +64,8 @@ ProcessUse process_use() {
 
 bool files_run_out() {
   // The lowest free descriptor estimates the number of open files without counting them.
-  const int lowest_free = ::fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 0);
+  const wire::Descriptor lowest_free(::fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 0));
   if (lowest_free < 0) return errno == EMFILE;
-  ::close(lowest_free);
   return 5 * static_cast<std::uint64_t>(lowest_free) >= 4 * file_limit();
 }
 
@@ -80,17 +79,13 @@ ServiceManager::ServiceManager() {
     throw std::runtime_error(std::string("NOTIFY_SOCKET is \"") + path + "\", expected a path or @name");
   std::memcpy(address.sun_path, path, length);
   if (path[0] == '@') address.sun_path[0] = '\0';
-  socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  socket_ = wire::Descriptor(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + length);
   if (socket_ < 0 || ::connect(socket_, reinterpret_cast<const sockaddr*>(&address), size) != 0)
     throw std::runtime_error(std::string("cannot reach NOTIFY_SOCKET ") + path + ": " + std::strerror(errno));
   const std::uint64_t watched = number_in_environment("WATCHDOG_PID");
   if (watched == 0 || watched == static_cast<std::uint64_t>(::getpid()))
     watchdog_us_ = number_in_environment("WATCHDOG_USEC");
-}
-
-ServiceManager::~ServiceManager() {
-  if (socket_ >= 0) ::close(socket_);
 }
 
 // Does not wait: if the service manager does not read, the message is lost.

@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <string>
 
+#include "proto/wire/handle.hpp"
+
 namespace shearbus::server {
 
 std::uint64_t monotonic_ns();   // a clock that never goes back
@@ -25,9 +27,6 @@ bool files_run_out();
 class ServiceManager {
  public:
   ServiceManager();  // reads NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID from the environment
-  ServiceManager(const ServiceManager&) = delete;
-  ServiceManager& operator=(const ServiceManager&) = delete;
-  ~ServiceManager();
 
   void ready(const std::string& status);
   void stopping();
@@ -43,7 +42,7 @@ class ServiceManager {
  private:
   void send(const std::string& message) const;
 
-  int socket_ = -1;
+  wire::Descriptor socket_;
   std::uint64_t watchdog_us_ = 0;  // the manager ends a server that is not alive() for this time  [µs]; 0: no watchdog
   bool stopping_ = false;
 };

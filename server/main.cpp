@@ -15,7 +15,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <climits>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
@@ -33,6 +32,7 @@
 #include "proto/files/whole_file.hpp"
 #include "proto/program/command_line.hpp"
 #include "proto/program/program.hpp"
+#include "proto/wire/handle.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/text.hpp"
 #include "server/access.hpp"
@@ -241,11 +241,11 @@ void start_log(const ServerOptions& options) {
   } else {
     const std::string file = shearbus::files::target_of_output(options.log_file).string();
     // The logging library would make the file with mode 0666.
-    const int made = ::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0640);
+    const shearbus::wire::Descriptor made(
+        ::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0640));
     if (made < 0)
       throw std::runtime_error("--log-file " + file + " cannot be opened for writing: " + std::strerror(errno) +
                                "; name a file that this user may write");
-    ::close(made);
     sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(file);
   }
   auto logger = std::make_shared<spdlog::logger>("shearbus-server", std::move(sink));
@@ -261,7 +261,7 @@ void start_log(const ServerOptions& options) {
 // the caller has asked to ignore that (nohup). If the server's output goes to a pipe, the end of the reader does not
 // stop the server. Must be called before any thread exists: all threads then inherit the blocked signals, and no signal
 // interrupts one of them.
-int block_stop_signals() {
+shearbus::wire::Descriptor block_stop_signals() {
   sigset_t stop;
   sigemptyset(&stop);
   sigaddset(&stop, SIGTERM);
@@ -270,19 +270,13 @@ int block_stop_signals() {
   if (sigaction(SIGHUP, nullptr, &hangup) == 0 && hangup.sa_handler != SIG_IGN) sigaddset(&stop, SIGHUP);
   static_cast<void>(std::signal(SIGPIPE, SIG_IGN));
   pthread_sigmask(SIG_BLOCK, &stop, nullptr);
-  return ::signalfd(-1, &stop, SFD_CLOEXEC | SFD_NONBLOCK);
-}
-
-std::string host_name() {
-  std::array<char, HOST_NAME_MAX + 1> name{};
-  if (::gethostname(name.data(), name.size() - 1) != 0) return "localhost";
-  return name.data();
+  return shearbus::wire::Descriptor(::signalfd(-1, &stop, SFD_CLOEXEC | SFD_NONBLOCK));
 }
 
 // Returns the exit code.
 int run(const ServerOptions& options) {
   check_outputs(options);
-  const int stop_fd = block_stop_signals();
+  const shearbus::wire::Descriptor stop_fd = block_stop_signals();
   start_log(options);
   ServiceManager manager;
   spdlog::info(
@@ -311,7 +305,7 @@ int run(const ServerOptions& options) {
     for (const std::string& endpoint : options.endpoints) bound.push_back(server.bind(endpoint));
     std::optional<shearbus::files::PublishedEndpoint> published;
     if (!options.endpoint_file.empty()) {
-      const std::string host = host_name();
+      const std::string name = shearbus::server::machine_name(), host = name.empty() ? "localhost" : name;
       published.emplace(
           options.endpoint_file,
           shearbus::files::EndpointFile{.version = SHEARBUS_RELEASE,
@@ -322,7 +316,6 @@ int run(const ServerOptions& options) {
     }
     if (!server.recover(stop_fd, &manager)) {
       spdlog::info("stopped during the recovery; the next server begins it again");
-      ::close(stop_fd);
       return 0;
     }
     for (const std::string& endpoint : bound) spdlog::info("listening on {}", endpoint);
@@ -340,7 +333,6 @@ int run(const ServerOptions& options) {
                    options.state_dir.empty() ? ": lost" : ", to continue with the next server");
   }
   spdlog::info("stopped");
-  ::close(stop_fd);
   return sessions_open ? kExitSessionsOpen : 0;
 }
 

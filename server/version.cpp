@@ -38,6 +38,11 @@ std::string registers_text() {
 
 }  // namespace
 
+std::string machine_name() {
+  std::array<char, HOST_NAME_MAX + 1> name{};
+  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
+}
+
 std::string quoted(std::string_view word) {
   const auto harmless = [](char c) {
     return wire::is_ascii_alphanumeric(c) || static_cast<unsigned char>(c) >= 0x80 ||
@@ -81,10 +86,8 @@ Entries provenance(const std::string& program, const std::string& scene, std::sp
   std::string command = program;
   for (const char* const argument : arguments.subspan(std::min<std::size_t>(1, arguments.size())))
     command += fmt::format(" {}", quoted(argument));
-  std::array<char, HOST_NAME_MAX + 1> machine{};
-  if (::gethostname(machine.data(), machine.size() - 1) != 0) machine = {};
   return {{"program", program},      {"version", SHEARBUS_RELEASE}, {"commit", kCommit}, {"scene", scene},
-          {"date", wire::utc_now()}, {"machine", machine.data()},   {"command", command}};
+          {"date", wire::utc_now()}, {"machine", machine_name()},   {"command", command}};
 }
 
 }  // namespace shearbus::server

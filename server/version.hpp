@@ -22,6 +22,8 @@ Entries version_of(const std::string& program);
 // The answer to --version: the entries as text whose first line is "PROGRAM VERSION", or as one line of JSON.
 std::string version_text(const std::string& program, bool json);
 
+std::string machine_name();  // empty: not known
+
 // A word as a shell reads it: in quotes if it has anything but letters, digits and harmless marks.
 std::string quoted(std::string_view word);
 

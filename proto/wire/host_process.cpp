@@ -86,18 +86,6 @@ std::string limit_of_memory() {
               : "the machine has none to give";
 }
 
-// Files that are opened to find out whether they can be.
-struct Files {
-  std::array<int, kFilesOfContext> files{};
-  std::size_t count = 0;
-  Files() = default;
-  Files(const Files&) = delete;
-  Files& operator=(const Files&) = delete;
-  ~Files() {
-    for (std::size_t i = 0; i < count; ++i) ::close(files[i]);
-  }
-};
-
 struct Threads {
   std::array<std::thread, kThreadsOfContext> threads;
   Threads() = default;
@@ -178,15 +166,12 @@ std::string limit_of_files() {
 }
 
 void check_room_for_sockets() {
-  Files files;
-  while (files.count < files.files.size()) {
-    const int file = ::eventfd(0, EFD_CLOEXEC);
-    if (file < 0)
+  std::array<Descriptor, kFilesOfContext> files;  // opened to find out whether they can be
+  for (Descriptor& file : files)
+    if ((file = Descriptor(::eventfd(0, EFD_CLOEXEC))) < 0)
       throw std::runtime_error(errno == EMFILE
                                    ? "no file can be opened: " + limit_of_files()
                                    : fmt::format("no file can be opened: {}", std::system_category().message(errno)));
-    files.files[files.count++] = file;
-  }
   // All of the threads at once, so they wait for each other.
   std::mutex gate;
   Threads threads;
@@ -205,10 +190,6 @@ Event::Event(const char* fault) : file_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)
   if (file_ < 0) throw std::runtime_error(fault + (": " + limit_of_files()));
 }
 
-Event::~Event() {
-  ::close(file_);
-}
-
 void Event::set() const noexcept {
   const std::uint64_t one = 1;
   static_cast<void>(::write(file_, &one, sizeof one) < 0);  // a counter that is full is set already
@@ -224,11 +205,8 @@ bool is_served(std::string_view path) {
   address.sun_family = AF_UNIX;
   if (path.size() >= sizeof address.sun_path) return false;  // too long for a socket
   std::memcpy(address.sun_path, path.data(), path.size());
-  const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  const bool served =
-      ::connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 || errno == EAGAIN;
-  ::close(probe);
-  return served;
+  const Descriptor probe(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  return ::connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 || errno == EAGAIN;
 }
 
 }  // namespace shearbus::wire

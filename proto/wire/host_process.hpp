@@ -13,6 +13,8 @@
 #include <thread>
 #include <type_traits>
 
+#include "proto/wire/handle.hpp"
+
 namespace shearbus::wire {
 
 // Gives this thread the default floating-point environment: no traps, round to nearest, subnormal numbers kept. The
@@ -70,16 +72,13 @@ class Event {
  public:
   // Throws std::runtime_error, which begins with `fault` and names the limit, if there is no file to be had.
   explicit Event(const char* fault);
-  Event(const Event&) = delete;
-  Event& operator=(const Event&) = delete;
-  ~Event();
 
   int file() const noexcept { return file_; }
   void set() const noexcept;
   void clear() const noexcept;
 
  private:
-  int file_;
+  Descriptor file_;
 };
 
 inline constexpr unsigned kMaxThreads = 4096;           // of a server, that solve layers

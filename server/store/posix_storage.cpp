@@ -21,10 +21,7 @@ constexpr const char* kLockName = "lock";
 
 class PosixFile final : public File {
  public:
-  PosixFile(int file, std::string name) : file_(file), name_(std::move(name)) {}
-  PosixFile(const PosixFile&) = delete;
-  PosixFile& operator=(const PosixFile&) = delete;
-  ~PosixFile() override { ::close(file_); }
+  PosixFile(wire::Descriptor file, std::string name) : file_(std::move(file)), name_(std::move(name)) {}
 
   void append(std::span<const Bytes> parts) override {
     if (const int fault = files::write_parts(file_, parts)) throw StorageError("cannot write " + name_, fault);
@@ -46,7 +43,7 @@ class PosixFile final : public File {
   }
 
  private:
-  int file_;
+  wire::Descriptor file_;
   std::string name_;
 };
 
@@ -62,33 +59,23 @@ StorageError::StorageError(const std::string& doing, int code)
 PosixStorage::PosixStorage(const std::filesystem::path& directory) : path_(directory) {
   if (::mkdir(path_.c_str(), 0700) < 0 && errno != EEXIST)
     throw StorageError("cannot make the state directory " + path_.string(), errno);
-  directory_ = ::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  directory_ = wire::Descriptor(::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (directory_ < 0) throw StorageError("cannot open the state directory " + path_.string(), errno);
   struct stat found {};
-  if (::fstat(directory_, &found) < 0 || found.st_uid != ::geteuid() || (found.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
-    ::close(directory_);
+  if (::fstat(directory_, &found) < 0 || found.st_uid != ::geteuid() || (found.st_mode & (S_IWGRP | S_IWOTH)) != 0)
     throw std::runtime_error(
         "the state directory " + path_.string() +
         " must belong to the user of the server and be writable by nobody else: chmod go-w, or choose another");
-  }
-  try {
-    // A file system that locks no directories, such as NFS, gives another error: there only the lock file keeps others
-    // out.
-    if (::flock(directory_, LOCK_EX | LOCK_NB) < 0 && errno == EWOULDBLOCK) refuse_held();
-    hold_lock();
-  } catch (const std::exception&) {
-    if (lock_ >= 0) ::close(lock_);
-    ::close(directory_);
-    throw;
-  }
+  // A file system that locks no directories, such as NFS, gives another error: there only the lock file keeps others
+  // out.
+  if (::flock(directory_, LOCK_EX | LOCK_NB) < 0 && errno == EWOULDBLOCK) refuse_held();
+  hold_lock();
 }
 
 // A process that the host has forked has these files open, too, and would keep their locks.
 PosixStorage::~PosixStorage() {
   static_cast<void>(::flock(lock_, LOCK_UN));
   static_cast<void>(::flock(directory_, LOCK_UN));
-  ::close(lock_);
-  ::close(directory_);
 }
 
 void PosixStorage::refuse_held() const {
@@ -104,15 +91,12 @@ void PosixStorage::hold_lock() {
   if (lock_ >= 0 && ::fstat(lock_, &held) == 0 && ::fstatat(directory_, kLockName, &named, AT_SYMLINK_NOFOLLOW) == 0 &&
       held.st_dev == named.st_dev && held.st_ino == named.st_ino)
     return;
-  const int file = ::openat(directory_, kLockName, O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
+  wire::Descriptor file(::openat(directory_, kLockName, O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (file < 0 || ::flock(file, LOCK_EX | LOCK_NB) < 0) {
-    const int fault = errno;
-    if (file >= 0) ::close(file);
-    if (fault == EWOULDBLOCK) refuse_held();
-    throw StorageError("cannot lock the state directory " + path_.string(), fault);
+    if (errno == EWOULDBLOCK) refuse_held();
+    throw StorageError("cannot lock the state directory " + path_.string(), errno);
   }
-  if (lock_ >= 0) ::close(lock_);
-  lock_ = file;
+  lock_ = std::move(file);
 }
 
 std::string PosixStorage::shown(const std::string& name) const {
@@ -139,25 +123,21 @@ std::vector<std::string> PosixStorage::list() {
 
 std::vector<std::byte> PosixStorage::read(const std::string& name) {
   // Without O_NONBLOCK the call would wait for the writer of a pipe of that name.
-  const int file = ::openat(directory_, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+  const wire::Descriptor file(::openat(directory_, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   if (file < 0) throw StorageError("cannot open " + shown(name), errno);
   struct stat found {};
   std::vector<std::byte> bytes;
   std::size_t size = 0;
   ssize_t taken = ::fstat(file, &found);
-  if (taken == 0 && !S_ISREG(found.st_mode)) {
-    ::close(file);
+  if (taken == 0 && !S_ISREG(found.st_mode))
     throw StorageError("cannot read " + shown(name) + ", which is no regular file", EINVAL);
-  }
   if (taken == 0) {
     bytes.resize(static_cast<std::size_t>(found.st_size));
     while (size < bytes.size() &&
            (taken = wire::uninterrupted([&] { return ::read(file, bytes.data() + size, bytes.size() - size); })) > 0)
       size += static_cast<std::size_t>(taken);
   }
-  const int fault = errno;
-  ::close(file);
-  if (taken < 0) throw StorageError("cannot read " + shown(name), fault);
+  if (taken < 0) throw StorageError("cannot read " + shown(name), errno);
   bytes.resize(size);
   return bytes;
 }
@@ -167,9 +147,9 @@ std::unique_ptr<File> PosixStorage::create(const std::string& name) {
     const std::lock_guard holding(holding_);
     hold_lock();
   }
-  const int file = ::openat(directory_, name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
+  wire::Descriptor file(::openat(directory_, name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (file < 0) throw StorageError("cannot make " + shown(name), errno);
-  return std::make_unique<PosixFile>(file, shown(name));
+  return std::make_unique<PosixFile>(std::move(file), shown(name));
 }
 
 void PosixStorage::rename(const std::string& from, const std::string& to) {
@@ -182,11 +162,9 @@ void PosixStorage::remove(const std::string& name) {
 }
 
 void PosixStorage::sync(const std::string& name) {
-  const int file = ::openat(directory_, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+  const wire::Descriptor file(::openat(directory_, name.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
   if (file < 0) throw StorageError("cannot open " + shown(name), errno);
-  const int done = ::fdatasync(file), fault = errno;
-  ::close(file);
-  if (done < 0) throw StorageError("cannot bring " + shown(name) + " to the disk", fault);
+  if (::fdatasync(file) < 0) throw StorageError("cannot bring " + shown(name) + " to the disk", errno);
 }
 
 void PosixStorage::sync_directory() {

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <mutex>
 
+#include "proto/wire/handle.hpp"
 #include "server/store/storage.hpp"
 
 namespace shearbus::store {
@@ -14,8 +15,6 @@ class PosixStorage final : public Storage {
   // that lock no directories, the file `lock` in it. Throws std::runtime_error if another process holds a lock, or if
   // another user owns the directory or can write to it: write access to the directory is control over the states.
   explicit PosixStorage(const std::filesystem::path& directory);
-  PosixStorage(const PosixStorage&) = delete;
-  PosixStorage& operator=(const PosixStorage&) = delete;
   ~PosixStorage() override;
 
   std::vector<std::string> list() override;
@@ -33,8 +32,7 @@ class PosixStorage final : public Storage {
   std::string shown(const std::string& name) const;  // path of a file of the directory, for messages
 
   std::filesystem::path path_;
-  int directory_ = -1;
-  int lock_ = -1;
+  wire::Descriptor directory_, lock_;
   std::mutex holding_;  // a checkpoint may be written by another thread
 };
 

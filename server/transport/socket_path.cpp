@@ -90,26 +90,19 @@ void refuse_other_socket(const std::string& path) {
                              ".lock; stop it first, or choose another path");
 }
 
-int take_lock(const std::string& path) {
+wire::Descriptor take_lock(const std::string& path) {
   const std::string lock = path + ".lock";
-  const int file = ::open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
+  wire::Descriptor file(::open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (file < 0)
     throw std::runtime_error("cannot listen on ipc://" + path + ": its lock file " + lock + " cannot be opened: " +
                              std::strerror(errno) + "; choose a path (--bind) where this user may write");
   if (::flock(file, LOCK_EX | LOCK_NB) != 0) {
-    const int fault = errno;
-    ::close(file);
-    if (fault == EWOULDBLOCK)
+    if (errno == EWOULDBLOCK)
       throw std::runtime_error("another server listens on ipc://" + path + " (it holds " + lock +
                                "); stop it first, or choose another path");
-    throw std::runtime_error("cannot lock " + lock + ": " + std::strerror(fault));
+    throw std::runtime_error("cannot lock " + lock + ": " + std::strerror(errno));
   }
-  try {
-    refuse_other_socket(path);
-  } catch (...) {
-    ::close(file);
-    throw;
-  }
+  refuse_other_socket(path);
   return file;
 }
 
@@ -118,18 +111,6 @@ int take_lock(const std::string& path) {
 SocketPath::SocketPath(const std::string& path, bool private_to_owner) : path_(path) {
   check_directory(path, private_to_owner);
   lock_ = take_lock(path);
-}
-SocketPath::SocketPath(SocketPath&& other) noexcept
-    : path_(std::move(other.path_)),
-      lock_(std::exchange(other.lock_, -1)),
-      device_(other.device_),
-      inode_(other.inode_) {}
-SocketPath& SocketPath::operator=(SocketPath&& other) noexcept {
-  std::swap(path_, other.path_);
-  std::swap(lock_, other.lock_);
-  std::swap(device_, other.device_);
-  std::swap(inode_, other.inode_);
-  return *this;
 }
 
 void SocketPath::remember() {
@@ -150,13 +131,12 @@ void SocketPath::take_again(bool private_to_owner) {
   struct stat there {};
   const bool locked = ::fstat(lock_, &held) == 0 && ::lstat((path_ + ".lock").c_str(), &there) == 0 &&
                       held.st_dev == there.st_dev && held.st_ino == there.st_ino;
-  if (!locked) {
-    const int fresh = take_lock(path_);
-    ::close(std::exchange(lock_, fresh));
-  } else {
+  if (!locked)
+    lock_ = take_lock(path_);
+  else
     refuse_other_socket(path_);
-  }
 }
+
 // The attribute is the access list of the kernel: a header, and entries in the order of their tags and user ids. Only
 // the owner and the named users may write, which a connection needs; the mask bounds what an entry of a user can give.
 bool SocketPath::admit(std::vector<std::uint32_t> users) const {
@@ -182,9 +162,7 @@ bool SocketPath::admit(std::vector<std::uint32_t> users) const {
 // Removes the socket's file, which libzmq leaves behind; while the lock is held no other server can own it. The lock
 // file stays, because removing it would race with a server that has just opened it.
 SocketPath::~SocketPath() {
-  if (lock_ < 0) return;
-  if (stands()) ::unlink(path_.c_str());
-  ::close(lock_);
+  if (lock_ >= 0 && stands()) ::unlink(path_.c_str());
 }
 
 }  // namespace shearbus::transport

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "proto/wire/handle.hpp"
+
 namespace shearbus::transport {
 
 // If a second server binds a path in use, libzmq unlinks the path and so disconnects the first server. Therefore a lock
@@ -18,8 +20,7 @@ class SocketPath {
   // and, if `private_to_owner`, they must not be able to enter it. Throws std::runtime_error with the expected state,
   // the state found and a remedy.
   SocketPath(const std::string& path, bool private_to_owner);
-  SocketPath(SocketPath&& other) noexcept;
-  SocketPath& operator=(SocketPath&& other) noexcept;
+  SocketPath(SocketPath&&) noexcept = default;
   ~SocketPath();
 
   // Lets these users connect to the socket, which exists, in addition to its owner. Returns false if the file system
@@ -33,7 +34,7 @@ class SocketPath {
 
  private:
   std::string path_;
-  int lock_ = -1;
+  wire::Descriptor lock_;
   dev_t device_ = 0;  // of the socket's file, and its number there; 0: not known
   ino_t inode_ = 0;
 };
