@@ -566,7 +566,7 @@ bool SocketConnection::receive(std::uint64_t request_id, Clock::time_point until
     try {
       received.reply = wire::Reply();
       if (payload_sum() == wire::PayloadSum::kLeftOut)
-        wire::decode_trusted(std::span(views.data(), count), received.reply);
+        wire::decode(std::span(views.data(), count), received.reply, wire::PayloadSum::kLeftOut);
       else
         wire::decode(std::span(views.data(), count), received.reply);
     } catch (const Error& fault) {

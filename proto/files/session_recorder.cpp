@@ -32,8 +32,7 @@ bool is_of_session(std::uint32_t verb) {
 
 wire::Reply decoded_reply(const ExchangeFrames& frames) {
   wire::Reply reply;
-  const std::array parts = {frames.reply_header, frames.reply_payload};
-  wire::decode(std::span(parts).first(wire::declares_payload(frames.reply_header) ? 2 : 1), reply);
+  wire::decode(wire::frames_of({frames.reply_header, frames.reply_payload}), reply);
   return reply;
 }
 
@@ -59,8 +58,7 @@ std::filesystem::path SessionRecorder::file_of(const wire::SessionId& id) const 
 bool SessionRecorder::wanted(const ExchangeFrames& frames, const wire::SessionOpened& opened) const {
   if (options_.sessions.empty()) return true;
   wire::Request request;
-  const std::array parts = {frames.request_header, frames.request_payload};
-  wire::decode(std::span(parts).first(wire::declares_payload(frames.request_header) ? 2 : 1), request);
+  wire::decode(wire::frames_of({frames.request_header, frames.request_payload}), request);
   const auto* open = std::get_if<wire::OpenSession>(&request.body);
   return std::ranges::any_of(options_.sessions, [&](const std::string& name) {
     return name == opened.scene_name || (open != nullptr && name == open->domain);

@@ -72,8 +72,10 @@ Status shortened(Status status) {
   return status;
 }
 
+}  // namespace
+
 template <typename Message>
-std::string encode(const Message& message, std::string memory, PayloadSum sum) {
+std::string encode_header(const Message& message, std::string memory, PayloadSum sum) {
   Encoder out(std::move(memory));
   const FieldWriter write(out);
   out.fixed32(1, kMagic);
@@ -95,8 +97,12 @@ std::string encode(const Message& message, std::string memory, PayloadSum sum) {
     refuse(Code::kLimit, fmt::format("header of {} bytes, at most {} fit a message", frame.size(), kMaxHeaderBytes));
   return frame;
 }
+template std::string encode_header(const Request&, std::string, PayloadSum);
+template std::string encode_header(const Reply&, std::string, PayloadSum);
 
 // ---- reading ----
+
+namespace {
 
 // Finds the type of a message's body by the number of the body. The first alternative of the variant means "no body".
 template <typename Variant>
@@ -202,8 +208,10 @@ void read_header(Frames frames, bool strict, Message& message, PayloadSum& sum) 
   message.batch = read_payload(payload ? &*payload : nullptr, frames, may_have_payload, sum);
 }
 
+}  // namespace
+
 template <typename Message>
-PayloadSum decode_as(Frames frames, Message& message, PayloadSum sum) {
+PayloadSum decode(Frames frames, Message& message, PayloadSum needed) {
   message = Message{};
   check_frames(frames);
   const EnvelopeScan scan = scan_envelope(frames[0]);
@@ -219,31 +227,11 @@ PayloadSum decode_as(Frames frames, Message& message, PayloadSum sum) {
   if (scan.body != 0 && !Bodies<decltype(message.body)>::find(scan.body, []<typename Body>() {}))
     refuse(Code::kUnsupported,
            fmt::format("body {} is not one of protocol {}.{}", scan.body, kProtocolMajor, kProtocolMinor));
-  read_header(frames, scan.protocol_minor <= kProtocolMinor, message, sum);
-  return message.batch.columns().empty() ? PayloadSum::kGiven : sum;
+  read_header(frames, scan.protocol_minor <= kProtocolMinor, message, needed);
+  return message.batch.columns().empty() ? PayloadSum::kGiven : needed;
 }
-
-}  // namespace
-
-std::string encode_header(const Request& request, std::string memory, PayloadSum sum) {
-  return encode(request, std::move(memory), sum);
-}
-std::string encode_header(const Reply& reply, std::string memory, PayloadSum sum) {
-  return encode(reply, std::move(memory), sum);
-}
-
-void decode(Frames frames, Request& message) {
-  decode_as(frames, message, PayloadSum::kGiven);
-}
-void decode(Frames frames, Reply& message) {
-  decode_as(frames, message, PayloadSum::kGiven);
-}
-PayloadSum decode_trusted(Frames frames, Request& message) {
-  return decode_as(frames, message, PayloadSum::kLeftOut);
-}
-PayloadSum decode_trusted(Frames frames, Reply& message) {
-  return decode_as(frames, message, PayloadSum::kLeftOut);
-}
+template PayloadSum decode(Frames, Request&, PayloadSum);
+template PayloadSum decode(Frames, Reply&, PayloadSum);
 
 bool declares_payload(std::span<const std::byte> header_frame) {
   return scan_envelope(header_frame).has_payload;

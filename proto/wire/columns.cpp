@@ -71,16 +71,7 @@ const ColumnRow& column_row(Field field) {
 }
 
 std::size_t size_of(Element element) {
-  switch (element) {
-    case Element::kFloat64:
-    case Element::kUint64:
-      return 8;
-    case Element::kUint8:
-      return 1;
-    case Element::kUnspecified:
-      break;
-  }
-  return 0;
+  return element == Element::kUnspecified ? 0 : element == Element::kUint8 ? 1 : 8;
 }
 
 Element element_of(Field field) {

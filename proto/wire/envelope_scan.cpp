@@ -23,34 +23,17 @@ std::optional<WireType> wire_type_of(std::uint32_t number) {
 }
 
 void keep(const EncodedField& field, EnvelopeScan& scan) {
-  switch (field.number) {
-    case 1:
-      scan.magic = static_cast<std::uint32_t>(field.value);
-      break;
-    case 2:
-      scan.protocol_major = static_cast<std::uint32_t>(field.value);
-      break;
-    case 3:
-      scan.protocol_minor = static_cast<std::uint32_t>(field.value);
-      break;
-    case 4:
-      scan.request_id = field.value;
-      break;
-    case 5:
-      scan.session_id = field.bytes;
-      break;
-    case 6:
-      scan.sequence = field.value;
-      break;
-    case 7:
-      scan.epoch = field.value;
-      break;
-    case 8:
-      scan.has_payload = true;
-      break;
-    default:
-      break;
-  }
+  const auto number = [&]<typename Number>(std::uint32_t of, Number& kept) {
+    if (field.number == of) kept = static_cast<Number>(field.value);
+  };
+  if (field.number == 1) scan.magic = static_cast<std::uint32_t>(field.value);
+  number(2, scan.protocol_major);
+  number(3, scan.protocol_minor);
+  number(4, scan.request_id);
+  if (field.number == 5) scan.session_id = field.bytes;
+  number(6, scan.sequence);
+  number(7, scan.epoch);
+  if (field.number == 8) scan.has_payload = true;
 }
 
 // Returns the fault of a field, given the fields before it; empty if the field is sound.

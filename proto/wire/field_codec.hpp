@@ -58,10 +58,17 @@ class FieldWriter {
   void operator()(std::uint32_t number, const char* name, const T& value) const {
     if constexpr (HasRows<const T>)
       write_message(number, {&path_, name}, value);
-    else if constexpr (requires { typename T::IsSceneText; })
-      write_scene(number, {&path_, name}, value.value);
     else
       write(number, value);
+  }
+  template <typename T>
+  void operator()(std::uint32_t number, const char* name, const Row<As::kSceneText, T>& row) const {
+    const FieldPath path{&path_, name};
+    const std::string& text = row.value;
+    if (text.size() > kMaxSceneBytes)
+      refuse_field(Code::kLimit, path, fmt::format("has {} bytes, at most {} allowed", text.size(), kMaxSceneBytes));
+    if (!is_utf8(text)) refuse_field(Code::kInvalidScene, path, "is not UTF-8");
+    out_.bytes(number, text);
   }
 
  private:
@@ -87,17 +94,17 @@ class FieldWriter {
     out_.nested(number, [&] { T::fields(FieldWriter(out_, path), value); });
   }
   template <typename T>
-  void write(std::uint32_t number, const std::vector<T>& values, bool fixed = false) const {
-    write(number, std::span<const T>(values), fixed);
+  void write(std::uint32_t number, const std::vector<T>& values, bool as_fixed64 = false) const {
+    write(number, std::span<const T>(values), as_fixed64);
   }
   template <typename T>
-  void write(std::uint32_t number, std::span<const T> values, bool fixed = false) const {
+  void write(std::uint32_t number, std::span<const T> values, bool as_fixed64 = false) const {
     if constexpr (Varint<T>) {
       if (values.empty()) return;
       out_.nested(number, [&] {
         for (const T value : values) {
           const auto bits = static_cast<std::uint64_t>(value);
-          fixed ? out_.raw_fixed64(bits) : out_.raw_varint(bits);
+          as_fixed64 ? out_.raw_fixed64(bits) : out_.raw_varint(bits);
         }
       });
     } else if constexpr (std::same_as<T, std::string>) {
@@ -106,27 +113,15 @@ class FieldWriter {
       for (const T& value : values) write(number, value);
     }
   }
-  template <typename T>
-  void write(std::uint32_t number, const Fixed<T>& row) const {
-    if (row.value != 0) out_.fixed64(number, row.value);
-  }
-  template <typename T>
-  void write(std::uint32_t number, const Required<T>& row) const {
-    write(number, row.value);
-  }
-  template <typename T>
-  void write(std::uint32_t number, const KnownOnly<T>& row) const {
-    write(number, row.value);
-  }
-  template <typename T>
-  void write(std::uint32_t number, const LongText<T>& row) const {
-    if (!row.value.empty()) out_.bytes(number, sent_text(row.value, kMaxSceneBytes));
-  }
-  void write_scene(std::uint32_t number, const FieldPath& path, const std::string& text) const {
-    if (text.size() > kMaxSceneBytes)
-      refuse_field(Code::kLimit, path, fmt::format("has {} bytes, at most {} allowed", text.size(), kMaxSceneBytes));
-    if (!is_utf8(text)) refuse_field(Code::kInvalidScene, path, "is not UTF-8");
-    out_.bytes(number, text);
+  template <As kAs, typename T>
+  void write(std::uint32_t number, const Row<kAs, T>& row) const {
+    if constexpr (kAs == As::kFixed) {
+      if (row.value != 0) out_.fixed64(number, row.value);
+    } else if constexpr (kAs == As::kLongText) {
+      if (!row.value.empty()) out_.bytes(number, sent_text(row.value, kMaxSceneBytes));
+    } else {
+      write(number, row.value);
+    }
   }
   template <typename T>
   void write(std::uint32_t number, const AtMost<T>& row) const {
@@ -170,7 +165,7 @@ struct RequiredFields {
   template <typename T>
   void operator()(std::uint32_t, const char*, const T&) const {}
   template <typename T>
-  void operator()(std::uint32_t number, const char* name, const Required<T>& row) const {
+  void operator()(std::uint32_t number, const char* name, const Row<As::kRequired, T>& row) const {
     const bool given = (found >> number & 1U) != 0;
     if constexpr (std::is_enum_v<T>) {
       if (!given || row.value == T{})
@@ -180,7 +175,7 @@ struct RequiredFields {
     }
   }
   template <typename T>
-  void operator()(std::uint32_t, const char* name, const SceneText<T>& row) const {
+  void operator()(std::uint32_t, const char* name, const Row<As::kSceneText, T>& row) const {
     if (row.value.empty()) refuse_field(Code::kMalformed, {&path, name}, "is not given");
   }
 };
@@ -238,28 +233,20 @@ class FieldReader {
   void read(const FieldPath& path, T& value) {
     if (is(WireType::kLength)) read_message(value, found_.bytes, path, strict_);
   }
-  template <typename T>
-  void read(const FieldPath&, Fixed<T>& row) {
-    if (is(WireType::kFixed64)) row.value = found_.value;
-  }
-  template <typename T>
-  void read(const FieldPath& path, Required<T>& row) {
-    read(path, row.value);
-  }
-  template <typename T>
-  void read(const FieldPath& path, LongText<T>& row) {
-    if (is(WireType::kLength)) row.value = text(path, kMaxSceneBytes);
-  }
-  template <typename T>
-  void read(const FieldPath& path, SceneText<T>& row) {
-    if (is(WireType::kLength)) row.value = text(path, kMaxSceneBytes);
-  }
-  template <typename T>
-  void read(const FieldPath& path, KnownOnly<T>& row) {
-    std::vector<std::uint32_t> numbers;
-    read(path, numbers);
-    for (const std::uint32_t number : numbers)
-      if (number != 0 && may_be_sent(Field{}, number)) row.value.push_back(static_cast<Field>(number));
+  template <As kAs, typename T>
+  void read(const FieldPath& path, Row<kAs, T>& row) {
+    if constexpr (kAs == As::kFixed) {
+      if (is(WireType::kFixed64)) row.value = found_.value;
+    } else if constexpr (kAs == As::kRequired) {
+      read(path, row.value);
+    } else if constexpr (kAs == As::kKnownOnly) {
+      std::vector<std::uint32_t> numbers;
+      read(path, numbers);
+      for (const std::uint32_t number : numbers)
+        if (number != 0 && may_be_sent(Field{}, number)) row.value.push_back(static_cast<Field>(number));
+    } else {
+      if (is(WireType::kLength)) row.value = text(path, kMaxSceneBytes);
+    }
   }
   template <typename T>
   void read(const FieldPath& path, AtMost<T>& row) {
@@ -267,7 +254,7 @@ class FieldReader {
   }
   // A list of numbers is packed in one field, or each number has a field of its own.
   template <typename T>
-  void read(const FieldPath& path, std::vector<T>& values, std::size_t most = kAnyCount, bool fixed = false) {
+  void read(const FieldPath& path, std::vector<T>& values, std::size_t most = kAnyCount, bool as_fixed64 = false) {
     constexpr bool kColumns = std::same_as<T, Field> || std::same_as<T, Column>;
     const auto append = [&](T value) {
       if (values.size() == most)
@@ -283,13 +270,13 @@ class FieldReader {
                          fmt::format("names column {}, which is not a field of this protocol", value));
         append(number_as<T>(value, path));
       };
-      if (found_.type == (fixed ? WireType::kFixed64 : WireType::kVarint)) {
+      if (found_.type == (as_fixed64 ? WireType::kFixed64 : WireType::kVarint)) {
         known_ = true;
         number(found_.value);
       } else if (is(WireType::kLength)) {
         Decoder packed(found_.bytes);
         std::uint64_t value = 0;
-        while (fixed ? packed.next_fixed64(value) : packed.next_varint(value)) number(value);
+        while (as_fixed64 ? packed.next_fixed64(value) : packed.next_varint(value)) number(value);
         if (packed.fault()) refuse_field(Code::kMalformed, path, "does not parse");
       }
     } else if (found_.type == WireType::kLength) {

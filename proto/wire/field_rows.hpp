@@ -16,25 +16,30 @@ namespace shearbus::wire {
 
 using Id = std::array<std::uint8_t, 16>;  // random bytes; all zero: no id
 
-// A number that is encoded as fixed64.
-template <typename T>
-struct Fixed {
+// What the type of a member does not say.
+enum class As {
+  kFixed,      // a number that is encoded as fixed64
+  kRequired,   // a field that a message must have; for an enum, the value kUnspecified is refused too
+  kKnownOnly,  // a list of columns that the sender knows; those that the reader does not know are left out
+  kSceneText,  // the text of a scene: required, possibly longer than other texts, and never cut or changed
+  kLongText,   // a text that may be as long as that of a scene, because it lists the faults of a scene
+};
+template <As kAs, typename T>
+struct Row {
   T& value;
 };
-template <typename T>
-Fixed<T> fixed(T& value) {
-  return {value};
-}
-
-// A field that a message must have; for an enum, the value kUnspecified is refused too.
-template <typename T>
-struct Required {
-  T& value;
+template <As kAs>
+struct RowAs {
+  template <typename T>
+  constexpr Row<kAs, T> operator()(T& value) const {
+    return {value};
+  }
 };
-template <typename T>
-Required<T> required(T& value) {
-  return {value};
-}
+inline constexpr RowAs<As::kFixed> fixed;
+inline constexpr RowAs<As::kRequired> required;
+inline constexpr RowAs<As::kKnownOnly> known_only;
+inline constexpr RowAs<As::kSceneText> scene_text;
+inline constexpr RowAs<As::kLongText> long_text;
 
 // A vector of at most `most` elements; a message with more is refused. If `fixed` is true, its numbers are encoded as
 // fixed64.
@@ -51,37 +56,6 @@ AtMost<T> at_most(std::size_t most, T& value) {
 template <typename T>
 AtMost<T> at_most_fixed(std::size_t most, T& value) {
   return {value, most, true};
-}
-
-// A list of columns that the sender knows. Columns that the reader does not know are left out when the list is read.
-template <typename T>
-struct KnownOnly {
-  T& value;
-};
-template <typename T>
-KnownOnly<T> known_only(T& value) {
-  return {value};
-}
-
-// The text of a scene: required, possibly longer than other texts, and never cut or changed.
-template <typename T>
-struct SceneText {
-  using IsSceneText = void;
-  T& value;
-};
-template <typename T>
-SceneText<T> scene_text(T& value) {
-  return {value};
-}
-
-// A text that may be as long as the text of a scene, because it lists the faults of a scene.
-template <typename T>
-struct LongText {
-  T& value;
-};
-template <typename T>
-LongText<T> long_text(T& value) {
-  return {value};
 }
 
 // The body of a message: its number and name in the oneof of the header.

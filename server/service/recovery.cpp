@@ -30,8 +30,7 @@ struct HeldReply {
 std::shared_ptr<wire::Reply> reply_from(const std::vector<std::byte>& header, const std::vector<std::byte>& payload) {
   auto held = std::make_shared<HeldReply>();
   held->payload = payload;
-  const std::array<std::span<const std::byte>, 2> frames = {header, held->payload};
-  wire::decode_trusted(std::span(frames).first(wire::declares_payload(header) ? 2 : 1), held->reply);
+  wire::decode(wire::frames_of({header, held->payload}), held->reply, wire::PayloadSum::kLeftOut);
   return {held, &held->reply};
 }
 
@@ -204,11 +203,9 @@ void Service::restore(const store::Snapshot& snapshot) {
 void Service::run_again(std::span<const std::byte> header, std::span<const std::byte> payload,
                         std::string_view identity, std::uint64_t epoch) {
   epoch_ = epoch;
-  const std::array<std::span<const std::byte>, 2> frames = {header, payload};
   auto fresh = std::make_shared<wire::Reply>();
   fresh->epoch = epoch;
-  if (answer(std::span(frames).first(wire::declares_payload(header) ? 2 : 1),
-             {.identity = identity, .in_process = true}, fresh) != fresh)
+  if (answer(wire::frames_of({header, payload}), {.identity = identity, .in_process = true}, fresh) != fresh)
     refuse(Code::kSequenceReused, "", "it has run already", "");
 }
 

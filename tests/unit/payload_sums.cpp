@@ -60,13 +60,13 @@ TEST(PayloadSums, MayBeMissingOnlyWhereTheMessageIsTrusted) {
   const Message without(step(1, 1), PayloadSum::kLeftOut);
   wire::Request found;
   EXPECT_EQ(code_of([&] { wire::decode(without.frames, found); }), Code::kChecksum);
-  EXPECT_EQ(wire::decode_trusted(without.frames, found), PayloadSum::kLeftOut);
+  EXPECT_EQ(wire::decode(without.frames, found, PayloadSum::kLeftOut), PayloadSum::kLeftOut);
   EXPECT_TRUE(std::ranges::equal(found.batch.bytes(), without.payload));
 
   Message with(step(1, 1), PayloadSum::kGiven);
-  EXPECT_EQ(wire::decode_trusted(with.frames, found), PayloadSum::kGiven);
+  EXPECT_EQ(wire::decode(with.frames, found, PayloadSum::kLeftOut), PayloadSum::kGiven);
   with.payload[13] ^= std::byte{4};
-  EXPECT_EQ(code_of([&] { wire::decode_trusted(with.frames, found); }), Code::kChecksum)
+  EXPECT_EQ(code_of([&] { wire::decode(with.frames, found, PayloadSum::kLeftOut); }), Code::kChecksum)
       << "a sum that is given is compared";
 }
 
@@ -80,7 +80,7 @@ TEST(PayloadSums, OfAnAnswerAreLeftOutWhereThoseOfTheRequestWere) {
     wire::Reply reply;
     const std::array<std::span<const std::byte>, 2> frames = {std::as_bytes(std::span(answer->header)),
                                                               answer->payload};
-    const PayloadSum sum = wire::decode_trusted(frames, reply);
+    const PayloadSum sum = wire::decode(frames, reply, PayloadSum::kLeftOut);
     EXPECT_EQ(reply.status.code, Code::kOk) << reply.status.text;
     return sum;
   };
@@ -125,7 +125,7 @@ class LosingConnection final : public Connection {
     Received received{.payload_frame = answer, .reply = {}};
     const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(answer->frames.header)),
                                                   answer->frames.payload};
-    wire::decode_trusted(std::span(frames, answer->frames.has_payload ? 2 : 1), received.reply);
+    wire::decode(std::span(frames, answer->frames.has_payload ? 2 : 1), received.reply, PayloadSum::kLeftOut);
     if (!received.reply.status.ok()) throw Error(received.reply.status);
     return received;
   }
