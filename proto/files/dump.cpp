@@ -84,15 +84,15 @@ template <typename T>
 void fill_from(const std::vector<T>& found, const std::string& name, std::span<T> values,
                const std::filesystem::path& file) {
   if (found.size() != values.size())
-    refuse(file, fmt::format("{} has {} values, expected {}", name, found.size(), values.size()),
-           "It is a dump of another scene, or of another version of the program.", name);
+    refuse_file(file, fmt::format("{} has {} values, expected {}", name, found.size(), values.size()),
+                "It is a dump of another scene, or of another version of the program.", name);
   std::ranges::copy(found, values.begin());
 }
 
 template <typename Map>
 const typename Map::mapped_type& find(const Map& map, const std::string& name, const std::filesystem::path& file) {
   const auto found = map.find(name);
-  if (found == map.end()) refuse(file, fmt::format("{} is missing", name), "It is no dump of this program.", name);
+  if (found == map.end()) refuse_file(file, fmt::format("{} is missing", name), "It is no dump of this program.", name);
   return found->second;
 }
 

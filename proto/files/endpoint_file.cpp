@@ -145,11 +145,8 @@ bool may_become_endpoint_file(const std::filesystem::path& file) {
 
 void refuse_file_of_running_server(const std::filesystem::path& file) {
   const std::filesystem::path target = target_of_output(file);
-  const int there = ::open(target.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | O_NOFOLLOW);
-  if (there < 0) return;
-  const bool held = ::flock(there, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-  ::close(there);
-  if (!held) return;
+  const wire::Descriptor there(::open(target.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | O_NOFOLLOW));
+  if (there < 0 || ::flock(there, LOCK_SH | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
   std::string place;
   try {
     place = fmt::format(", at {}", read_endpoint_file(target).endpoint);
@@ -163,7 +160,7 @@ void refuse_file_of_running_server(const std::filesystem::path& file) {
 }
 
 PublishedEndpoint::PublishedEndpoint(const std::filesystem::path& file, const EndpointFile& contents)
-    : file_(target_of_output(file)), text_(text_of(contents)), lock_(-1) {
+    : file_(target_of_output(file)), text_(text_of(contents)) {
   refuse_file_of_running_server(file);
   lock_ = write_whole_locked(file_, kEndpointFile, text_);
 }
@@ -173,7 +170,6 @@ PublishedEndpoint::~PublishedEndpoint() {
   if (std::filesystem::symlink_status(file_, ignored).type() == std::filesystem::file_type::regular &&
       head_of(file_, text_.size() + 1) == text_)
     ::unlink(file_.c_str());
-  ::close(lock_);
 }
 
 }  // namespace shearbus::files

@@ -50,14 +50,12 @@ class PublishedEndpoint {
  public:
   // Throws wire::Error for a file that cannot be written, or that is of a server that runs.
   PublishedEndpoint(const std::filesystem::path& file, const EndpointFile& contents);
-  PublishedEndpoint(const PublishedEndpoint&) = delete;
-  PublishedEndpoint& operator=(const PublishedEndpoint&) = delete;
   ~PublishedEndpoint();
 
  private:
   std::filesystem::path file_;
   std::string text_;
-  int lock_;
+  wire::Descriptor lock_;
 };
 
 }  // namespace shearbus::files

@@ -56,7 +56,7 @@ using EventRecord = FileRecord<RecordHeader, 4>;
 }  // namespace
 
 EventLogWriter::EventLogWriter(const std::filesystem::path& file, const EventLogHead& head) : name_(file.string()) {
-  file_ = ::open(name_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
+  file_ = wire::Descriptor(::open(name_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
   if (file_ < 0 && errno == EEXIST)
     throw std::runtime_error(name_ +
                              " exists already; name a new file, or a directory with / at its end, for the recording");
@@ -73,7 +73,6 @@ EventLogWriter::EventLogWriter(const std::filesystem::path& file, const EventLog
     write(parts);
   } catch (const std::exception&) {
     ::unlink(name_.c_str());
-    ::close(file_);
     throw;
   }
 }
@@ -83,24 +82,9 @@ EventLogWriter::EventLogWriter(const std::filesystem::path& file, const wire::Se
   EventLogReader reader(file);
   if (reader.head().session_id != session_id)
     throw std::runtime_error(fmt::format("{} is the log of another session", name_));
-  file_ = ::open(name_.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
+  file_ = wire::Descriptor(::open(name_.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW));
   if (file_ < 0) fail("cannot continue", errno);
-  try {
-    lock();
-    continue_behind(reader);
-  } catch (const std::exception&) {
-    ::close(file_);
-    throw;
-  }
-}
-
-// Two recorders must not write to one file, such as a client and one that has resumed its session.
-void EventLogWriter::lock() const {
-  if (::flock(file_, LOCK_EX | LOCK_NB) < 0 && errno == EWOULDBLOCK)
-    throw std::runtime_error(fmt::format("another recorder writes to {}", name_));
-}
-
-void EventLogWriter::continue_behind(EventLogReader& reader) {
+  lock();
   while (reader.next()) {
   }
   bytes_ = reader.sound_bytes();
@@ -109,8 +93,10 @@ void EventLogWriter::continue_behind(EventLogReader& reader) {
   if (::ftruncate(file_, end) < 0 || ::lseek(file_, end, SEEK_SET) < 0) fail("cannot continue", errno);
 }
 
-EventLogWriter::~EventLogWriter() {
-  ::close(file_);
+// Two recorders must not write to one file, such as a client and one that has resumed its session.
+void EventLogWriter::lock() const {
+  if (::flock(file_, LOCK_EX | LOCK_NB) < 0 && errno == EWOULDBLOCK)
+    throw std::runtime_error(fmt::format("another recorder writes to {}", name_));
 }
 
 void EventLogWriter::fail(const char* doing, int code) const {

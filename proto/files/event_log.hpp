@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/wire/handle.hpp"
 #include "proto/wire/messages.hpp"
 
 namespace shearbus::files {
@@ -41,21 +42,17 @@ class EventLogWriter {
   EventLogWriter(const std::filesystem::path& file, const EventLogHead& head);
   // Continues the file of a session behind its last complete record.
   EventLogWriter(const std::filesystem::path& file, const wire::SessionId& session_id);
-  EventLogWriter(const EventLogWriter&) = delete;
-  EventLogWriter& operator=(const EventLogWriter&) = delete;
-  ~EventLogWriter();
 
   void append(const ExchangeFrames& frames, std::uint64_t time_ns);
   void sync();  // after the call the records survive a loss of power
 
  private:
   void lock() const;
-  void continue_behind(class EventLogReader& reader);
   void write(std::span<const std::span<const std::byte>> parts);
   [[noreturn]] void fail(const char* doing, int code) const;
 
   std::string name_;
-  int file_ = -1;
+  wire::Descriptor file_;
   std::uint64_t bytes_ = 0;  // length of the file up to the last complete record
   std::uint64_t next_index_ = 0;
 };

@@ -51,96 +51,73 @@ void remove_fields(const std::filesystem::path& sidecar) {
   if (is_sidecar(sidecar)) std::filesystem::remove(sidecar);
 }
 
-struct FieldWriter::Impl {
-  std::filesystem::path sidecar;
-  std::filesystem::path directory;
-  std::size_t nodes = 0;
-  std::size_t zones = 0;
-  std::vector<Quantity> quantities;
-  std::vector<double> times;
+std::string FieldWriter::item(const std::string& file, const char* dataset, const std::string& shape, const char* type,
+                              int precision) const {
+  return fmt::format(R"(<DataItem Format="HDF" NumberType="{}" Precision="{}" Dimensions="{}">{}/{}:/{}</DataItem>)",
+                     type, precision, shape, directory_.filename().string(), file, dataset);
+}
 
-  std::string item(const std::string& file, const char* dataset, const std::string& shape, const char* type,
-                   int precision) const {
-    return fmt::format(R"(<DataItem Format="HDF" NumberType="{}" Precision="{}" Dimensions="{}">{}/{}:/{}</DataItem>)",
-                       type, precision, shape, directory.filename().string(), file, dataset);
+std::string FieldWriter::xdmf() const {
+  const std::string vectors = fmt::format("{} 3", nodes_);
+  std::string text =
+      "<?xml version=\"1.0\"?>\n<Xdmf Version=\"3.0\">\n<Domain>\n"
+      "<Grid Name=\"fields\" GridType=\"Collection\" CollectionType=\"Temporal\">\n";
+  for (std::size_t frame = 0; frame < times_s_.size(); ++frame) {
+    const std::string file = frame_name(frame);
+    text += fmt::format(
+        "<Grid Name=\"frame {0}\" GridType=\"Uniform\">\n<Time Value=\"{1:.17g}\"/>\n"
+        "<Topology TopologyType=\"Quadrilateral\" NumberOfElements=\"{2}\">{3}</Topology>\n"
+        "<Geometry GeometryType=\"XYZ\">{4}</Geometry>\n"
+        "<Attribute Name=\"velocity\" AttributeType=\"Vector\" Center=\"Node\">{5}</Attribute>\n",
+        frame, times_s_[frame], zones_, item("mesh.h5", "quads", fmt::format("{} 4", zones_), "Int", 4),
+        item(file, "place", vectors, "Float", 8), item(file, "velocity", vectors, "Float", 8));
+    for (const Quantity& quantity : quantities_)
+      text += fmt::format("<Attribute Name=\"{}\" AttributeType=\"Scalar\" Center=\"Cell\">{}</Attribute>\n",
+                          quantity.name, item(file, quantity.name.c_str(), std::to_string(zones_), "Float", 8));
+    text += "</Grid>\n";
   }
-
-  std::string xdmf() const {
-    const std::string vectors = fmt::format("{} 3", nodes);
-    std::string text =
-        "<?xml version=\"1.0\"?>\n<Xdmf Version=\"3.0\">\n<Domain>\n"
-        "<Grid Name=\"fields\" GridType=\"Collection\" CollectionType=\"Temporal\">\n";
-    for (std::size_t frame = 0; frame < times.size(); ++frame) {
-      const std::string file = frame_name(frame);
-      text += fmt::format(
-          "<Grid Name=\"frame {0}\" GridType=\"Uniform\">\n<Time Value=\"{1:.17g}\"/>\n"
-          "<Topology TopologyType=\"Quadrilateral\" NumberOfElements=\"{2}\">{3}</Topology>\n"
-          "<Geometry GeometryType=\"XYZ\">{4}</Geometry>\n"
-          "<Attribute Name=\"velocity\" AttributeType=\"Vector\" Center=\"Node\">{5}</Attribute>\n",
-          frame, times[frame], zones, item("mesh.h5", "quads", fmt::format("{} 4", zones), "Int", 4),
-          item(file, "place", vectors, "Float", 8), item(file, "velocity", vectors, "Float", 8));
-      for (const Quantity& quantity : quantities) {
-        text += fmt::format("<Attribute Name=\"{}\" AttributeType=\"Scalar\" Center=\"Cell\">{}</Attribute>\n",
-                            quantity.name, item(file, quantity.name.c_str(), std::to_string(zones), "Float", 8));
-      }
-      text += "</Grid>\n";
-    }
-    return text + "</Grid>\n</Domain>\n</Xdmf>\n";
-  }
-
-  void write_sidecar() const { write_whole(sidecar, kSidecarFile, xdmf()); }
-};
+  return text + "</Grid>\n</Domain>\n</Xdmf>\n";
+}
 
 FieldWriter::FieldWriter(std::filesystem::path sidecar, std::span<const std::int32_t> quads, std::size_t nodes,
                          std::vector<Quantity> zone_quantities, const std::string& scene, std::vector<double> times_s)
-    : impl_(std::make_unique<Impl>()) {
-  Impl& w = *impl_;
-  w.sidecar = std::move(sidecar);
-  w.directory = w.sidecar;
-  w.directory.replace_extension();
-  w.nodes = nodes;
-  w.zones = quads.size() / 4;
-  w.quantities = std::move(zone_quantities);
-  w.times = std::move(times_s);
-  for (std::size_t frame = 0; frame < w.times.size(); ++frame) {
-    const std::filesystem::path file = w.directory / frame_name(frame);
+    : sidecar_(std::move(sidecar)),
+      directory_(sidecar_),
+      nodes_(nodes),
+      zones_(quads.size() / 4),
+      quantities_(std::move(zone_quantities)),
+      times_s_(std::move(times_s)) {
+  directory_.replace_extension();
+  for (std::size_t frame = 0; frame < times_s_.size(); ++frame) {
+    const std::filesystem::path file = directory_ / frame_name(frame);
     if (!std::filesystem::exists(file))
-      refuse(file, fmt::format("the frame at {} s is missing", w.times[frame]),
-             "The run's directory has been changed.");
+      refuse_file(file, fmt::format("the frame at {} s is missing", times_s_[frame]),
+                  "The run's directory has been changed.");
   }
-  if (w.times.empty()) remove_fields(w.sidecar);
-  std::filesystem::create_directories(w.directory);
-  OutputHdf5 mesh(w.directory / "mesh.h5", kHdf5File);
+  if (times_s_.empty()) remove_fields(sidecar_);
+  std::filesystem::create_directories(directory_);
+  OutputHdf5 mesh(directory_ / "mesh.h5", kHdf5File);
   in_file(mesh.file(), [&] {
     put_text(mesh, "format", "shearbus-fields");
     put_text(mesh, "units_system", "SI");
-    write_values(mesh, "quads", {w.zones, 4}, H5T_STD_I32LE, quads.data());
+    write_values(mesh, "quads", {zones_, 4}, H5T_STD_I32LE, quads.data());
     if (!scene.empty()) write_values(mesh, "scene", {scene.size()}, H5T_STD_U8LE, scene.data());
     mesh.close_and_publish();
   });
 }
-FieldWriter::FieldWriter(FieldWriter&&) noexcept = default;
-FieldWriter& FieldWriter::operator=(FieldWriter&&) noexcept = default;
-FieldWriter::~FieldWriter() = default;
 
 void FieldWriter::frame(double time_s, std::span<const double> place, std::span<const double> velocity,
                         std::span<const std::span<const double>> zones) {
-  Impl& w = *impl_;
-  OutputHdf5 out(w.directory / frame_name(w.times.size()), kHdf5File);
+  OutputHdf5 out(directory_ / frame_name(times_s_.size()), kHdf5File);
   in_file(out.file(), [&] {
     write_numbers(out, {"time", "s", ""}, {1}, &time_s);
-    write_numbers(out, {"place", "m", ""}, {w.nodes, 3}, place.data());
-    write_numbers(out, {"velocity", "m s-1", ""}, {w.nodes, 3}, velocity.data());
-    for (std::size_t q = 0; q < w.quantities.size(); ++q)
-      write_numbers(out, w.quantities[q], {w.zones}, zones[q].data());
+    write_numbers(out, {"place", "m", ""}, {nodes_, 3}, place.data());
+    write_numbers(out, {"velocity", "m s-1", ""}, {nodes_, 3}, velocity.data());
+    for (std::size_t q = 0; q < quantities_.size(); ++q) write_numbers(out, quantities_[q], {zones_}, zones[q].data());
     out.close_and_publish();
   });
-  w.times.push_back(time_s);
-  w.write_sidecar();
-}
-
-const std::vector<double>& FieldWriter::times_s() const {
-  return impl_->times;
+  times_s_.push_back(time_s);
+  write_whole(sidecar_, kSidecarFile, xdmf());
 }
 
 }  // namespace shearbus::files

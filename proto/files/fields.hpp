@@ -5,7 +5,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -25,19 +24,24 @@ class FieldWriter {
   // process whose run continues; if there are none, existing frames are removed.
   FieldWriter(std::filesystem::path sidecar, std::span<const std::int32_t> quads, std::size_t nodes,
               std::vector<Quantity> zone_quantities, const std::string& scene, std::vector<double> times_s = {});
-  FieldWriter(FieldWriter&&) noexcept;
-  FieldWriter& operator=(FieldWriter&&) noexcept;
-  ~FieldWriter();
 
   // Writes a frame: positions and velocities of the nodes as x, y, 0, and one span of zone values for each quantity, in
   // the order of the quantities.
   void frame(double time_s, std::span<const double> place, std::span<const double> velocity,
              std::span<const std::span<const double>> zones);
-  const std::vector<double>& times_s() const;  // times of the written frames
+  const std::vector<double>& times_s() const { return times_s_; }  // times of the written frames
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  std::string item(const std::string& file, const char* dataset, const std::string& shape, const char* type,
+                   int precision) const;
+  std::string xdmf() const;
+
+  std::filesystem::path sidecar_;
+  std::filesystem::path directory_;
+  std::size_t nodes_;
+  std::size_t zones_;
+  std::vector<Quantity> quantities_;
+  std::vector<double> times_s_;
 };
 
 }  // namespace shearbus::files

@@ -62,6 +62,16 @@ Group open_group(hid_t parent, const std::string& name) {
   return Group(checked(H5Gopen2(parent, name.c_str(), H5P_DEFAULT), "find group ", name));
 }
 
+std::vector<std::string> children_of(hid_t group) {
+  std::vector<std::string> names;
+  const auto add = [](hid_t, const char* name, const H5L_info_t*, void* into) -> herr_t {
+    static_cast<std::vector<std::string>*>(into)->emplace_back(name);
+    return 0;
+  };
+  checked(H5Literate(group, H5_INDEX_NAME, H5_ITER_INC, nullptr, add, &names), "list a group");
+  return names;
+}
+
 bool has_child(hid_t parent, const std::string& name) {
   return checked(H5Lexists(parent, name.c_str(), H5P_DEFAULT), "look for ", name) > 0;
 }

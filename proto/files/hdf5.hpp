@@ -10,38 +10,20 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
+
+#include "proto/wire/handle.hpp"
 
 namespace shearbus::hdf5 {
 
-template <herr_t (*kClose)(hid_t)>
-class Handle {
- public:
-  Handle() = default;
-  explicit Handle(hid_t id) : id_(id) {}
-  Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, H5I_INVALID_HID)) {}
-  Handle& operator=(Handle&& other) noexcept {
-    std::swap(id_, other.id_);
-    return *this;
-  }
-  ~Handle() { close(); }
-
-  operator hid_t() const { return id_; }
-  herr_t close() { return id_ >= 0 ? kClose(std::exchange(id_, H5I_INVALID_HID)) : 0; }
-
- private:
-  hid_t id_ = H5I_INVALID_HID;
-};
-
-using File = Handle<H5Fclose>;
-using Group = Handle<H5Gclose>;
-using Dataset = Handle<H5Dclose>;
-using Space = Handle<H5Sclose>;
-using Type = Handle<H5Tclose>;
-using Attribute = Handle<H5Aclose>;
-using Properties = Handle<H5Pclose>;
-using Object = Handle<H5Oclose>;
+using File = wire::Handle<hid_t, H5Fclose>;
+using Group = wire::Handle<hid_t, H5Gclose>;
+using Dataset = wire::Handle<hid_t, H5Dclose>;
+using Space = wire::Handle<hid_t, H5Sclose>;
+using Type = wire::Handle<hid_t, H5Tclose>;
+using Attribute = wire::Handle<hid_t, H5Aclose>;
+using Properties = wire::Handle<hid_t, H5Pclose>;
+using Object = wire::Handle<hid_t, H5Oclose>;
 using Shape = std::vector<hsize_t>;
 
 // Keeps HDF5 from printing its error stack for as long as the object lives.
@@ -80,6 +62,7 @@ T checked(T returned, std::string_view doing, std::string_view what = {}) {
 
 Group make_group(hid_t parent, const std::string& name);
 Group open_group(hid_t parent, const std::string& name);
+std::vector<std::string> children_of(hid_t group);  // names in ascending order
 bool has_child(hid_t parent, const std::string& name);
 bool has_attribute(hid_t object, const std::string& name);
 

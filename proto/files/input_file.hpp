@@ -14,6 +14,7 @@
 #include <system_error>
 #include <utility>
 
+#include "proto/wire/handle.hpp"
 #include "proto/wire/host_process.hpp"
 #include "proto/wire/status.hpp"
 #include "proto/wire/text.hpp"
@@ -23,8 +24,8 @@ namespace shearbus::files {
 // A regular file that is open for reading. Throws Error for any other.
 class RegularFile {
  public:
-  explicit RegularFile(const std::filesystem::path& file)
-      : RegularFile(file, ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY)) {
+  explicit RegularFile(std::filesystem::path file)
+      : file_(std::move(file)), descriptor_(::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY)) {
     struct stat found {};
     if (descriptor_ < 0 || ::fstat(descriptor_, &found) != 0) refuse("cannot be opened");
     size_ = static_cast<std::uintmax_t>(found.st_size);
@@ -33,11 +34,6 @@ class RegularFile {
              : S_ISFIFO(found.st_mode) ? "is a pipe, expected a regular file"
                                        : "is a device or a socket, expected a regular file",
              0);
-  }
-  RegularFile(const RegularFile&) = delete;
-  RegularFile& operator=(const RegularFile&) = delete;
-  ~RegularFile() {
-    if (descriptor_ >= 0) ::close(descriptor_);
   }
 
   std::uintmax_t size() const { return size_; }
@@ -59,8 +55,6 @@ class RegularFile {
  private:
   static constexpr std::size_t kLongestName = 4096;  // of a file, in messages
 
-  RegularFile(std::filesystem::path file, int descriptor) : file_(std::move(file)), descriptor_(descriptor) {}
-
   [[noreturn]] void refuse(const char* what, int fault = errno) const {
     throw wire::Error(
         {.code = wire::Code::kInvalidValue,
@@ -69,7 +63,7 @@ class RegularFile {
   }
 
   std::filesystem::path file_;
-  int descriptor_;
+  wire::Descriptor descriptor_;
   std::uintmax_t size_ = 0;
 };
 

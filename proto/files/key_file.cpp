@@ -12,6 +12,7 @@
 #include <string_view>
 
 #include "proto/files/endpoint_file.hpp"
+#include "proto/wire/handle.hpp"
 
 namespace shearbus::files {
 namespace {
@@ -28,30 +29,20 @@ template <typename... Arguments>
       fmt::format("{}: {}", file.string(), fmt::format(text, std::forward<Arguments>(arguments)...)));
 }
 
-class OpenFile {
- public:
-  OpenFile(const std::filesystem::path& file, int flags, mode_t mode = 0)
-      : number_(::open(file.c_str(), flags | O_CLOEXEC, mode)) {
-    if (number_ >= 0) return;
-    if (errno == EEXIST) refuse(file, "exists already, and keys are never written over; name another file");
-    refuse(file, "cannot be opened: {}", std::strerror(errno));
-  }
-  OpenFile(const OpenFile&) = delete;
-  OpenFile& operator=(const OpenFile&) = delete;
-  ~OpenFile() { ::close(number_); }
-  int number() const { return number_; }
-
- private:
-  int number_;
-};
+wire::Descriptor open(const std::filesystem::path& file, int flags, mode_t mode = 0) {
+  wire::Descriptor opened(::open(file.c_str(), flags | O_CLOEXEC, mode));
+  if (opened >= 0) return opened;
+  if (errno == EEXIST) refuse(file, "exists already, and keys are never written over; name another file");
+  refuse(file, "cannot be opened: {}", std::strerror(errno));
+}
 
 std::string text_of(const std::filesystem::path& file, struct stat& found) {
-  const OpenFile opened(file, O_RDONLY);
-  if (::fstat(opened.number(), &found) != 0) refuse(file, "cannot be looked at: {}", std::strerror(errno));
+  const wire::Descriptor opened = open(file, O_RDONLY);
+  if (::fstat(opened, &found) != 0) refuse(file, "cannot be looked at: {}", std::strerror(errno));
   std::string text(kMaxKeyFileBytes + 1, '\0');
   std::size_t size = 0;
   ssize_t taken = 0;
-  while (size < text.size() && (taken = ::read(opened.number(), text.data() + size, text.size() - size)) > 0)
+  while (size < text.size() && (taken = ::read(opened, text.data() + size, text.size() - size)) > 0)
     size += static_cast<std::size_t>(taken);
   if (taken < 0) refuse(file, "cannot be read: {}", std::strerror(errno));
   if (size > kMaxKeyFileBytes) refuse(file, "has more than {} bytes, which is no file of keys", kMaxKeyFileBytes);
@@ -102,9 +93,9 @@ std::string only_key(const std::filesystem::path& file, bool secret) {
 }
 
 void write(const std::filesystem::path& file, const std::string& text, mode_t mode) {
-  const OpenFile opened(file, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW, mode);
-  const ssize_t written = ::write(opened.number(), text.data(), text.size());
-  if (written != static_cast<ssize_t>(text.size()) || ::fsync(opened.number()) != 0) {
+  const wire::Descriptor opened = open(file, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW, mode);
+  const ssize_t written = ::write(opened, text.data(), text.size());
+  if (written != static_cast<ssize_t>(text.size()) || ::fsync(opened) != 0) {
     const int fault = written >= 0 && written != static_cast<ssize_t>(text.size()) ? ENOSPC : errno;
     ::unlink(file.c_str());
     refuse(file, "cannot be written: {}", std::strerror(fault));

@@ -12,6 +12,8 @@
 #include <memory>
 #include <vector>
 
+#include "proto/wire/handle.hpp"
+
 namespace shearbus::files::hdf5 {
 namespace {
 
@@ -20,14 +22,12 @@ thread_local int last_fault = 0;
 // A file that is open with this driver. HDF5 uses the first member, the driver the others.
 struct OutputFile {
   H5FD_t base{};
-  int number = -1;
+  wire::Descriptor number;
   haddr_t end_of_allocation = 0;
   haddr_t end = 0;
   int fault = 0;
   // bytes that could not be written after a fault, by their place in the file; reads still return them
   std::map<haddr_t, std::vector<char>> held;
-
-  ~OutputFile() { ::close(number); }
 };
 
 OutputFile& self(H5FD_t* file) {
@@ -42,7 +42,7 @@ H5FD_t* open_file(const char* name, unsigned flags, hid_t, haddr_t) {
                   ((flags & H5F_ACC_TRUNC) != 0 ? O_TRUNC : 0) | ((flags & H5F_ACC_EXCL) != 0 ? O_EXCL : 0) |
                   O_CLOEXEC | O_NOFOLLOW;
   auto file = std::make_unique<OutputFile>();
-  file->number = ::open(name, how, 0666);
+  file->number = wire::Descriptor(::open(name, how, 0666));
   struct stat found {};
   last_fault = file->number < 0 || ::fstat(file->number, &found) != 0 ? errno : 0;
   if (last_fault != 0) return nullptr;

@@ -82,15 +82,15 @@ class HistoryReader {
   HistoryReader& operator=(HistoryReader&&) noexcept;
   ~HistoryReader();
 
-  std::size_t steps() const;
-  std::size_t nodes() const;
+  std::size_t steps() const { return axes_->times.size(); }
+  std::size_t nodes() const { return axes_->node_ids.size(); }
   // start of the first step: attribute t0 of /time; absent: by /dt, or 0
-  double start_time_s() const;
-  bool tells_start() const;                    // whether the file has t0 or /dt
-  const std::vector<double>& times_s() const;  // end of each step; checked to increase strictly
+  double start_time_s() const { return axes_->start_time; }
+  bool tells_start() const { return axes_->has_start || has("dt"); }   // whether the file has t0 or /dt
+  const std::vector<double>& times_s() const { return axes_->times; }  // end of each step; checked to increase strictly
   // length of each step: /dt [T] if present (checked against /time), otherwise the differences of /time
-  const std::vector<double>& dt_s() const;
-  const std::vector<std::uint64_t>& node_ids() const;  // ids of the nodes, checked to be unique
+  const std::vector<double>& dt_s() const { return axes_->dts; }
+  const std::vector<std::uint64_t>& node_ids() const { return axes_->node_ids; }  // checked to be unique
   bool has(std::string_view name) const;
   std::vector<double> per_node(std::string_view name) const;        // one value per node, all checked to be finite
   std::vector<std::string> texts(std::string_view name) const;      // one text per node
@@ -100,8 +100,15 @@ class HistoryReader {
   std::optional<std::string> meta(std::string_view name) const;
 
  private:
+  struct Axes {  // what is read when the file is opened
+    double start_time = 0.0;
+    bool has_start = false;  // whether the file has the attribute t0 of /time
+    std::vector<double> times, dts;
+    std::vector<std::uint64_t> node_ids;
+  };
   struct Impl;
   std::unique_ptr<Impl> impl_;
+  const Axes* axes_;  // of impl_
 };
 
 // Returns the hash of a file's bytes, "xxh3-64:" and 16 hexadecimal digits: what `xxhsum -H3` prints.

@@ -16,14 +16,6 @@ namespace shearbus::files::hdf5 {
 
 using namespace shearbus::hdf5;  // NOLINT(google-build-using-namespace)
 
-[[noreturn]] inline void refuse(const std::filesystem::path& file, const std::string& what,
-                                const std::string& remedy = {}, const std::string& dataset = {}) {
-  throw wire::Error({.code = wire::Code::kInvalidValue,
-                     .text = fmt::format("{}: {}", file.string(), what),
-                     .remedy = remedy,
-                     .field = dataset});
-}
-
 // Returns what `body` returns; what HDF5 cannot do in it is reported with the file.
 template <typename Body>
 decltype(auto) in_file(const std::filesystem::path& file, const std::string& remedy, const Body& body) {
@@ -31,7 +23,7 @@ decltype(auto) in_file(const std::filesystem::path& file, const std::string& rem
   try {
     return body();
   } catch (const Error& fault) {
-    refuse(file, fault.what(), remedy);
+    refuse_file(file, fault.what(), remedy);
   }
 }
 template <typename Body>

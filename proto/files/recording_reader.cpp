@@ -58,7 +58,7 @@ void convert(std::vector<double>& values, double to_si) {
 
 }  // namespace
 
-struct HistoryReader::Impl {
+struct HistoryReader::Impl : Axes {
   // A [T,N] dataset (T steps, N nodes) and those of its rows that are in memory.
   struct Series {
     Dataset dataset;
@@ -71,15 +71,10 @@ struct HistoryReader::Impl {
 
   fs::path file;
   File handle;
-  double start_time = 0.0;
-  bool has_start = false;  // whether the file has the attribute t0 of /time
-  std::vector<double> times;
-  std::vector<double> dts;
-  std::vector<std::uint64_t> node_ids;
   std::unordered_map<std::string, Series> series;
 
   [[noreturn]] void fail(const std::string& name, const std::string& what, const std::string& remedy) const {
-    refuse(file, fmt::format("/{}{}{}", name, what.starts_with('[') ? "" : " ", what), remedy, name);
+    refuse_file(file, fmt::format("/{}{}{}", name, what.starts_with('[') ? "" : " ", what), remedy, name);
   }
 
   template <typename Body>
@@ -108,22 +103,22 @@ struct HistoryReader::Impl {
 
 void HistoryReader::Impl::open() {
   std::error_code error;
-  if (!fs::exists(file, error)) refuse(file, "no such file", "Give the path of an HDF5 history.");
-  if (!fs::is_regular_file(file, error)) refuse(file, "is not a file", "Give the path of an HDF5 history.");
+  if (!fs::exists(file, error)) refuse_file(file, "no such file", "Give the path of an HDF5 history.");
+  if (!fs::is_regular_file(file, error)) refuse_file(file, "is not a file", "Give the path of an HDF5 history.");
   if (fs::file_size(file, error) == 0)
-    refuse(file, "is empty", "Expected an HDF5 history; was its writer interrupted?");
+    refuse_file(file, "is empty", "Expected an HDF5 history; was its writer interrupted?");
   if (H5Fis_hdf5(file.c_str()) <= 0) {
     const std::string why = reason();
-    refuse(file, why.find("unable to open file") != std::string::npos ? "cannot be read" : "is not an HDF5 file",
-           "Expected an HDF5 history; was it cut short or written in another format?");
+    refuse_file(file, why.find("unable to open file") != std::string::npos ? "cannot be read" : "is not an HDF5 file",
+                "Expected an HDF5 history; was it cut short or written in another format?");
   }
   if (!survives_its_texts(file))
-    refuse(file, "is damaged: HDF5 does not survive its texts, such as attributes units",
-           "Take a copy that is whole, or have the program that made it write it again.");
+    refuse_file(file, "is damaged: HDF5 does not survive its texts, such as attributes units",
+                "Take a copy that is whole, or have the program that made it write it again.");
   const hid_t opened = H5Fopen(file.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
   if (opened < 0)
-    refuse(file, fmt::format("cannot be opened as HDF5: {}", reason()),
-           "Was it cut short, or is it still being written?");
+    refuse_file(file, fmt::format("cannot be opened as HDF5: {}", reason()),
+                "Was it cut short, or is it still being written?");
   handle = File(opened);
   read_times();
   read_dts();
@@ -132,8 +127,8 @@ void HistoryReader::Impl::open() {
 
 Dataset HistoryReader::Impl::open_dataset(const std::string& name, bool integers_only) const {
   if (!has(name))
-    refuse(file, fmt::format("has no dataset /{}", name), "See client/replay/README.md for what a history holds.",
-           name);
+    refuse_file(file, fmt::format("has no dataset /{}", name), "See client/replay/README.md for what a history holds.",
+                name);
   check_link(name);
   const hid_t opened = H5Oopen(handle, name.c_str(), H5P_DEFAULT);
   if (opened < 0) fail(name, fmt::format("cannot be opened: {}", reason()), "");
@@ -345,16 +340,16 @@ void HistoryReader::Impl::load_rows(const std::string& name, Series& one, std::s
 std::vector<std::string> HistoryReader::Impl::read_texts(hid_t from) const {
   const Type type = type_of(from);
   if (const std::size_t width = H5Tget_size(type); H5Tis_variable_str(type) <= 0 && width > kMaxTextWidth)
-    refuse(file, fmt::format("has texts of {} bytes; at most {} are read", width, kMaxTextWidth));
+    refuse_file(file, fmt::format("has texts of {} bytes; at most {} are read", width, kMaxTextWidth));
   return texts_of(from);
 }
 
 std::string HistoryReader::Impl::read_text(hid_t from) const {
-  if (!is_one_text(from)) refuse(file, "holds something other than one text in /meta");
+  if (!is_one_text(from)) refuse_file(file, "holds something other than one text in /meta");
   return read_texts(from).front();
 }
 
-HistoryReader::HistoryReader(fs::path file) : impl_(std::make_unique<Impl>()) {
+HistoryReader::HistoryReader(fs::path file) : impl_(std::make_unique<Impl>()), axes_(impl_.get()) {
   impl_->file = std::move(file);
   impl_->reading([&] { impl_->open(); });
 }
@@ -362,28 +357,6 @@ HistoryReader::HistoryReader(fs::path file) : impl_(std::make_unique<Impl>()) {
 HistoryReader::HistoryReader(HistoryReader&&) noexcept = default;
 HistoryReader& HistoryReader::operator=(HistoryReader&&) noexcept = default;
 HistoryReader::~HistoryReader() = default;
-
-std::size_t HistoryReader::steps() const {
-  return impl_->times.size();
-}
-std::size_t HistoryReader::nodes() const {
-  return impl_->node_ids.size();
-}
-double HistoryReader::start_time_s() const {
-  return impl_->start_time;
-}
-bool HistoryReader::tells_start() const {
-  return impl_->has_start || has("dt");
-}
-const std::vector<double>& HistoryReader::times_s() const {
-  return impl_->times;
-}
-const std::vector<double>& HistoryReader::dt_s() const {
-  return impl_->dts;
-}
-const std::vector<std::uint64_t>& HistoryReader::node_ids() const {
-  return impl_->node_ids;
-}
 
 bool HistoryReader::has(std::string_view name) const {
   return impl_->reading([&] { return impl_->has(name); });
@@ -430,19 +403,13 @@ std::vector<std::string> HistoryReader::texts(std::string_view name_view) const 
 std::vector<std::string> HistoryReader::names_in(std::string_view group_view) const {
   const Impl& self = *impl_;
   const std::string name(group_view);
-  std::vector<std::string> names;
-  self.reading([&] {
-    if (!name.empty() && !self.has(name)) return;
+  return self.reading([&] {
+    if (!name.empty() && !self.has(name)) return std::vector<std::string>();
     if (!name.empty()) self.check_link(name);
     const Object group(checked(H5Oopen(self.handle, ('/' + name).c_str(), H5P_DEFAULT), "find group /", name));
     if (H5Iget_type(group) != H5I_GROUP) self.fail(name, "is not a group", "Expected a group of datasets.");
-    const auto add = [](hid_t, const char* link, const H5L_info_t*, void* into) -> herr_t {
-      static_cast<std::vector<std::string>*>(into)->emplace_back(link);
-      return 0;
-    };
-    checked(H5Literate(group, H5_INDEX_NAME, H5_ITER_INC, nullptr, add, &names), "list group /", name);
+    return children_of(group);
   });
-  return names;
 }
 
 void HistoryReader::row(std::string_view name_view, std::size_t step, std::span<double> values) {

@@ -206,15 +206,16 @@ void HistoryWriter::Impl::write_waiting_rows() {
 }
 
 HistoryWriter::Impl::Series& HistoryWriter::Impl::in_open_row(std::size_t quantity, std::size_t count, bool bytes) {
-  if (!row_open) refuse(file, "values outside a row", "Call begin_row first.");
+  if (!row_open) refuse_file(file, "values outside a row", "Call begin_row first.");
   Series& one = series.at(quantity);
   const std::string& name = one.quantity.name;
   if (one.bytes != bytes)
-    refuse(file,
-           fmt::format("/{} takes {}, given {}", name, one.bytes ? "uint8" : "float64", bytes ? "uint8" : "float64"),
-           {}, name);
-  if (count != nodes) refuse(file, fmt::format("/{} takes {} values a row, given {}", name, nodes, count), {}, name);
-  if (one.set) refuse(file, fmt::format("/{} is set twice in one row", name), {}, name);
+    refuse_file(
+        file, fmt::format("/{} takes {}, given {}", name, one.bytes ? "uint8" : "float64", bytes ? "uint8" : "float64"),
+        {}, name);
+  if (count != nodes)
+    refuse_file(file, fmt::format("/{} takes {} values a row, given {}", name, nodes, count), {}, name);
+  if (one.set) refuse_file(file, fmt::format("/{} is set twice in one row", name), {}, name);
   one.set = true;
   return one;
 }
@@ -242,7 +243,7 @@ Quantity quantity_of_column(wire::Field field, std::uint32_t component, const st
 HistoryWriter::HistoryWriter(const fs::path& file, std::span<const std::uint64_t> node_ids,
                              std::vector<Quantity> quantities, const std::map<std::string, std::string>& meta,
                              double start_time_s) {
-  if (node_ids.empty()) refuse(file, "a history of no nodes", "Name at least one node.");
+  if (node_ids.empty()) refuse_file(file, "a history of no nodes", "Name at least one node.");
   impl_ = std::make_unique<Impl>(file);
   Impl& self = *impl_;
   self.nodes = node_ids.size();
@@ -271,13 +272,14 @@ bool HistoryWriter::replaces() const {
 
 void HistoryWriter::begin_row(double time_s, std::optional<double> dt_s) {
   Impl& self = *impl_;
-  if (self.row_open) refuse(self.file, "a row begins inside a row", "Call end_row first.");
+  if (self.row_open) refuse_file(self.file, "a row begins inside a row", "Call end_row first.");
   if (!std::isfinite(time_s) || time_s <= self.last_time)
-    refuse(self.file, fmt::format("a row at {} s after one that ends at {} s", time_s, self.last_time),
-           "Times must increase.", "time");
+    refuse_file(self.file, fmt::format("a row at {} s after one that ends at {} s", time_s, self.last_time),
+                "Times must increase.", "time");
   if (self.rows_written + self.waiting_times.size() == 0) self.has_dt = dt_s.has_value();
   if (dt_s.has_value() != self.has_dt)
-    refuse(self.file, fmt::format("the row at {} s breaks the rule that all rows have a dt or none", time_s), {}, "dt");
+    refuse_file(self.file, fmt::format("the row at {} s breaks the rule that all rows have a dt or none", time_s), {},
+                "dt");
   self.waiting_times.push_back(time_s);
   if (dt_s) self.waiting_dts.push_back(*dt_s);
   self.last_time = time_s;
@@ -297,17 +299,17 @@ void HistoryWriter::set(std::size_t quantity, std::span<const std::uint8_t> valu
 
 void HistoryWriter::end_row() {
   Impl& self = *impl_;
-  if (!self.row_open) refuse(self.file, "a row ends that never began", "Call begin_row first.");
+  if (!self.row_open) refuse_file(self.file, "a row ends that never began", "Call begin_row first.");
   for (const Impl::Series& one : self.series)
     if (!one.set)
-      refuse(self.file, fmt::format("/{} has no values in the row at {} s", one.quantity.name, self.last_time), {},
-             one.quantity.name);
+      refuse_file(self.file, fmt::format("/{} has no values in the row at {} s", one.quantity.name, self.last_time), {},
+                  one.quantity.name);
   self.row_open = false;
   if (self.waiting_times.size() == self.rows_per_chunk) in_file(self.file, [&] { self.write_waiting_rows(); });
 }
 
 void HistoryWriter::add_static(const Quantity& quantity, std::span<const double> values) {
-  if (values.empty()) refuse(impl_->file, fmt::format("/{} has no values", quantity.name), {}, quantity.name);
+  if (values.empty()) refuse_file(impl_->file, fmt::format("/{} has no values", quantity.name), {}, quantity.name);
   add_array(quantity, values, {values.size()});
 }
 
@@ -332,7 +334,7 @@ void HistoryWriter::add_texts(const Quantity& quantity, std::span<const std::str
 
 void HistoryWriter::close(const std::map<std::string, std::string>& closing_meta) {
   Impl& self = *impl_;
-  if (self.row_open) refuse(self.file, "closed inside a row", "Call end_row first.");
+  if (self.row_open) refuse_file(self.file, "closed inside a row", "Call end_row first.");
   in_file(self.file, [&] {
     self.write_waiting_rows();
     self.write_meta(closing_meta);

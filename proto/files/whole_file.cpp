@@ -27,14 +27,21 @@ constexpr std::size_t kWordDigits = 6;  // of the random part of a partial file'
 constexpr std::time_t kStaleAfterS = 60;
 constexpr const char* kLockName = ".lock";
 
-[[noreturn]] void refuse_file(const fs::path& file, const std::string& what, const std::string& remedy) {
-  throw wire::Error(
-      {.code = wire::Code::kInvalidValue, .text = fmt::format("{}: {}", file.string(), what), .remedy = remedy});
-}
-
 fs::path directory_of(const fs::path& file) {
   const fs::path directory = file.parent_path();
   return directory.empty() ? fs::path(".") : directory;
+}
+
+// Nothing: there is no such file.
+std::optional<struct stat> status_of(const fs::path& file) {
+  struct stat found {};
+  return ::lstat(file.c_str(), &found) == 0 ? std::optional(found) : std::nullopt;
+}
+
+bool same_version(const std::optional<struct stat>& a, const std::optional<struct stat>& b) {
+  if (!a || !b) return a.has_value() == b.has_value();
+  return a->st_dev == b->st_dev && a->st_ino == b->st_ino && a->st_size == b->st_size &&
+         a->st_mtim.tv_sec == b->st_mtim.tv_sec && a->st_mtim.tv_nsec == b->st_mtim.tv_nsec;
 }
 
 std::string random_word() {
@@ -51,11 +58,8 @@ bool others_write_to(const fs::path& directory) {
 }
 
 void sync_to_disk(const fs::path& path, const fs::path& named) {
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  const bool synced = descriptor >= 0 && ::fsync(descriptor) == 0;
-  const int fault = errno;
-  if (descriptor >= 0) ::close(descriptor);
-  if (!synced) refuse_to_write(named, fault);
+  const wire::Descriptor descriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (descriptor < 0 || ::fsync(descriptor) != 0) refuse_to_write(named, errno);
 }
 
 bool is_partial_of(const std::string& name, const std::string& file) {
@@ -85,6 +89,13 @@ bool is_hdf5(const fs::path& file) {
 const FileKind kSummaryFile = {"a summary (JSON) of shearbus", is_summary};
 const FileKind kTableFile = {"a table (CSV) that shearbus wrote", is_table};
 const FileKind kHdf5File = {"an HDF5 file", is_hdf5};
+
+void refuse_file(const fs::path& file, const std::string& what, const std::string& remedy, const std::string& dataset) {
+  throw wire::Error({.code = wire::Code::kInvalidValue,
+                     .text = fmt::format("{}: {}", file.string(), what),
+                     .remedy = remedy,
+                     .field = dataset});
+}
 
 void refuse_to_write(const fs::path& file, int fault) {
   const bool no_space = fault == ENOSPC || fault == EDQUOT || fault == EFBIG;
@@ -134,19 +145,6 @@ fs::path target_of_output(const fs::path& file) {
   refuse_to_write(file, ELOOP);
 }
 
-bool PartialFile::Version::operator==(const Version& other) const {
-  if (!there || !other.there) return there == other.there;
-  return device == other.device && inode == other.inode && size == other.size &&
-         changed.tv_sec == other.changed.tv_sec && changed.tv_nsec == other.changed.tv_nsec;
-}
-
-PartialFile::Version PartialFile::version_of(const fs::path& file) {
-  struct stat found {};
-  if (::lstat(file.c_str(), &found) != 0) return {};
-  return {
-      .there = true, .device = found.st_dev, .inode = found.st_ino, .size = found.st_size, .changed = found.st_mtim};
-}
-
 void check_output(const fs::path& named, const FileKind& kind) {
   const fs::path file = target_of_output(named);
   const fs::path directory = directory_of(file);
@@ -173,7 +171,7 @@ PartialFile::PartialFile(const fs::path& file, const FileKind& kind, Writers wri
     : file_(target_of_output(file)), writers_(writers) {
   check_output(file, kind);
   if (writers == Writers::kOne) refuse_another_writer();
-  before_ = version_of(file_);
+  before_ = status_of(file_);
   make(mode);
 }
 
@@ -183,7 +181,7 @@ void PartialFile::refuse_another_writer() const {
   std::error_code ignored;
   for (const fs::directory_entry& entry : fs::directory_iterator(directory_of(file_), ignored)) {
     if (!is_partial_of(entry.path().filename().string(), name)) continue;
-    const int other = ::open(entry.path().c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    const wire::Descriptor other(::open(entry.path().c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
     if (other < 0) continue;
     const bool free = ::flock(other, LOCK_SH | LOCK_NB) == 0;
     const bool held = !free && errno == EWOULDBLOCK;
@@ -192,7 +190,6 @@ void PartialFile::refuse_another_writer() const {
     const bool stale = free && ::fstat(other, &found) == 0 && S_ISREG(found.st_mode) && found.st_uid == ::geteuid() &&
                        found.st_mtim.tv_sec < std::time(nullptr) - kStaleAfterS;
     if (stale) ::unlink(entry.path().c_str());
-    ::close(other);
     if (held)
       refuse_file(file_, fmt::format("another run writes here, into {}", entry.path().filename().string()),
                   "Wait for it, or give each run an output of its own.");
@@ -203,7 +200,7 @@ void PartialFile::make(mode_t mode) {
   constexpr int kMostNames = 100;
   for (int tried = 0; tried < kMostNames; ++tried) {
     partial_ = fmt::format("{}.{}{}", file_.string(), random_word(), kPartial);
-    descriptor_ = ::open(partial_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode);
+    descriptor_ = wire::Descriptor(::open(partial_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode));
     if (descriptor_ >= 0) {
       static_cast<void>(
           ::flock(descriptor_, LOCK_EX | LOCK_NB));  // a file system without locks has the check at the end
@@ -215,9 +212,7 @@ void PartialFile::make(mode_t mode) {
 }
 
 PartialFile::~PartialFile() {
-  if (descriptor_ < 0) return;
-  ::unlink(partial_.c_str());
-  ::close(descriptor_);
+  if (descriptor_ >= 0) ::unlink(partial_.c_str());
 }
 
 // Keeps the result under a name that is its own.
@@ -225,7 +220,7 @@ void PartialFile::refuse_newer() {
   const fs::path kept =
       directory_of(file_) / fmt::format("{}.{}{}", file_.stem().string(), random_word(), file_.extension().string());
   const bool renamed = ::renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, kept.c_str(), RENAME_NOREPLACE) == 0;
-  if (renamed) ::close(std::exchange(descriptor_, -1));
+  if (renamed) descriptor_.close();
   refuse_file(file_,
               fmt::format("another run has written this file since this one began{}",
                           renamed ? "; the result of this one is " + kept.string() : ""),
@@ -233,28 +228,23 @@ void PartialFile::refuse_newer() {
 }
 
 void PartialFile::publish() {
-  ::close(publish_locked());
+  publish_locked();
 }
 
-int PartialFile::publish_locked() {
+wire::Descriptor PartialFile::publish_locked() {
   if (::fsync(descriptor_) != 0) refuse_to_write(file_, errno);
-  if (writers_ == Writers::kOne && !(version_of(file_) == before_)) refuse_newer();
-  const bool first = writers_ == Writers::kOne && !before_.there;
+  if (writers_ == Writers::kOne && !same_version(status_of(file_), before_)) refuse_newer();
+  const bool first = writers_ == Writers::kOne && !before_;
   int renamed = ::renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, file_.c_str(), first ? RENAME_NOREPLACE : 0);
   if (renamed != 0 && first && errno == EEXIST) refuse_newer();
   if (renamed != 0 && (errno == EINVAL || errno == ENOSYS)) renamed = ::rename(partial_.c_str(), file_.c_str());
   if (renamed != 0) refuse_to_write(file_, errno);
-  const int published = std::exchange(descriptor_, -1);
-  try {
-    sync_to_disk(directory_of(file_), file_);
-  } catch (...) {
-    ::close(published);
-    throw;
-  }
+  wire::Descriptor published = std::move(descriptor_);
+  sync_to_disk(directory_of(file_), file_);
   return published;
 }
 
-int write_whole_locked(const fs::path& file, const FileKind& kind, std::string_view text) {
+wire::Descriptor write_whole_locked(const fs::path& file, const FileKind& kind, std::string_view text) {
   PartialFile partial(file, kind, PartialFile::Writers::kAny);
   while (!text.empty()) {
     const ssize_t written = ::write(partial.descriptor(), text.data(), text.size());
@@ -265,7 +255,7 @@ int write_whole_locked(const fs::path& file, const FileKind& kind, std::string_v
 }
 
 void write_whole(const fs::path& file, const FileKind& kind, std::string_view text) {
-  ::close(write_whole_locked(file, kind, text));
+  write_whole_locked(file, kind, text);
 }
 
 OneWriter::OneWriter(const fs::path& directory) : lock_(directory / kLockName) {
@@ -274,28 +264,24 @@ OneWriter::OneWriter(const fs::path& directory) : lock_(directory / kLockName) {
   if (fault)
     refuse_file(directory, fmt::format("the directory cannot be made: {}", fault.message()), "Write elsewhere.");
   for (;;) {
-    descriptor_ = ::open(lock_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+    descriptor_ = wire::Descriptor(::open(lock_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666));
     const int first_fault = errno;
     if (descriptor_ < 0 && first_fault == EACCES)  // of another user, in a directory that both write to
-      descriptor_ = ::open(lock_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+      descriptor_ = wire::Descriptor(::open(lock_.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
     if (descriptor_ < 0) refuse_to_write(lock_, first_fault);
-    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-      ::close(std::exchange(descriptor_, -1));
+    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
       refuse_file(directory, "another run writes here", "Wait for it, or give each run a directory of its own.");
-    }
     // The run that held the lock before may have removed the file since.
     struct stat held {
     }, named{};
     if (::fstat(descriptor_, &held) == 0 && ::lstat(lock_.c_str(), &named) == 0 && held.st_ino == named.st_ino &&
         held.st_dev == named.st_dev)
       return;
-    ::close(std::exchange(descriptor_, -1));
   }
 }
 
 OneWriter::~OneWriter() {
   ::unlink(lock_.c_str());
-  ::close(descriptor_);
 }
 
 }  // namespace shearbus::files

@@ -5,12 +5,18 @@
 #include <sys/stat.h>
 
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 
+#include "proto/wire/handle.hpp"
+
 namespace shearbus::files {
 
+// Throws Error about a file, or about a dataset in it.
+[[noreturn]] void refuse_file(const std::filesystem::path& file, const std::string& what,
+                              const std::string& remedy = {}, const std::string& dataset = {});
 // Throws Error for a file that cannot be written; `fault` is an errno.
 [[noreturn]] void refuse_to_write(const std::filesystem::path& file, int fault);
 
@@ -54,58 +60,44 @@ class PartialFile {
 
   // Throws Error as check_output() does, or if the file cannot be made.
   PartialFile(const std::filesystem::path& file, const FileKind& kind, Writers writers, mode_t mode = 0666);
-  PartialFile(const PartialFile&) = delete;
-  PartialFile& operator=(const PartialFile&) = delete;
   ~PartialFile();  // removes the partial file unless it was published
 
   const std::filesystem::path& file() const { return file_; }  // the final name; links are followed
   const std::filesystem::path& path() const { return partial_; }
   int descriptor() const { return descriptor_; }
-  bool replaces() const { return before_.there; }  // whether there is an older file
+  bool replaces() const { return before_.has_value(); }  // whether there is an older file
 
   // Gives the finished file its name. When the function has returned, the name survives a loss of power.
   void publish();
-  // The same. Returns the descriptor of the file, which stays locked until the caller closes it.
-  int publish_locked();
+  // The same. Returns the file, which stays locked until the caller closes it.
+  wire::Descriptor publish_locked();
 
  private:
-  // What is known of the file of the final name, to see whether another program has written it since.
-  struct Version {
-    bool there = false;
-    dev_t device = 0;
-    ino_t inode = 0;
-    off_t size = 0;
-    timespec changed{};
-    bool operator==(const Version& other) const;
-  };
-  static Version version_of(const std::filesystem::path& file);
   void refuse_another_writer() const;
   void make(mode_t mode);
   [[noreturn]] void refuse_newer();
 
   std::filesystem::path file_, partial_;
   Writers writers_;
-  Version before_;
-  int descriptor_ = -1;
+  std::optional<struct stat> before_;  // of an older file, to see whether another program has written it since
+  wire::Descriptor descriptor_;
 };
 
 // Writes the text to `file` as a whole; on failure throws Error and leaves no partial file.
 void write_whole(const std::filesystem::path& file, const FileKind& kind, std::string_view text);
-// The same. Returns the descriptor of the file, which stays locked until the caller closes it.
-int write_whole_locked(const std::filesystem::path& file, const FileKind& kind, std::string_view text);
+// The same. Returns the file, which stays locked until the caller closes it.
+wire::Descriptor write_whole_locked(const std::filesystem::path& file, const FileKind& kind, std::string_view text);
 
 // Keeps a run's directory to one writer. Makes the directory if it is not there.
 class OneWriter {
  public:
   // Throws Error if another run holds the directory.
   explicit OneWriter(const std::filesystem::path& directory);
-  OneWriter(const OneWriter&) = delete;
-  OneWriter& operator=(const OneWriter&) = delete;
   ~OneWriter();
 
  private:
   std::filesystem::path lock_;
-  int descriptor_ = -1;
+  wire::Descriptor descriptor_;
 };
 
 }  // namespace shearbus::files
