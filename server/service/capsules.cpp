@@ -40,8 +40,7 @@ void Service::leave_capsules(const Member& member, const RunningStep& running, b
   const wire::Downscale& step = running.step();
   const shard::Rows& rows = running.rows;
   const std::span<const std::uint8_t> outcomes = running.outcomes();
-  std::size_t room = store_->capsule_room();
-  for (std::size_t row = 0; row < outcomes.size() && room > 0; ++row) {
+  for (std::size_t row = 0; row < outcomes.size(); ++row) {
     if ((outcomes[row] & wire::kFailed) == 0) continue;
     const std::uint64_t node = node_of(shard.nodes(), rows, running.request.batch, row);
     const std::uint32_t slot = slot_of(shard.nodes(), rows, row);
@@ -58,9 +57,9 @@ void Service::leave_capsules(const Member& member, const RunningStep& running, b
          .state = state_of(shard, slot, from_trial),
          .inputs = values_of(running.request.batch, row),
          .answer = values_of(running.reply->batch, row)});
+    if (file.empty()) return;
     log(fmt::format("WARNING: node {} of session {} has no answer to step {}: {}", node, short_name(member.id),
                     step.step, file));
-    --room;
   }
 } catch (const std::exception& fault) {
   log(std::string("ALARM: a failure capsule could not be written: ") + fault.what());

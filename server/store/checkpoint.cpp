@@ -70,9 +70,9 @@ void put(hid_t parent, const std::string& name, const shard::States& states) {
 
 void get(hid_t parent, const std::string& name, shard::States& states) {
   const hdf5::Group group = hdf5::open_group(parent, name);
-  states = {.rows = numbers_of<std::uint32_t>(group, "slot"), .columns = {}};
+  states = {.rows = numbers_of<std::uint32_t>(group, "slot")};
   for (const std::string& name_of_column : words_of(text_of(group, "columns"))) {
-    shard::StateColumn column{.name = name_of_column, .units = {}, .width = 0, .values = {}};
+    shard::StateColumn column{.name = name_of_column};
     column.values = numbers_of<double>(group, column.name, &column.width);
     if (column.values.size() != states.rows.size() * column.width)
       throw hdf5::Error("find a row for each slot in dataset " + column.name);
@@ -264,7 +264,7 @@ Snapshot read_checkpoint(Bytes file, const std::string& name, std::uint64_t gene
     snapshot.server_version = text_of(opened, "server_version");
     snapshot.next_index = number_of(opened, "next_index");
     const hdf5::Group sessions = hdf5::open_group(opened, "sessions");
-    const auto names = children_of(sessions);
+    const auto names = hdf5::children_of(sessions);
     snapshot.sessions = closed_in(opened);
     const std::size_t closed = snapshot.sessions.size();
     snapshot.sessions.resize(closed + names.size());
@@ -275,10 +275,11 @@ Snapshot read_checkpoint(Bytes file, const std::string& name, std::uint64_t gene
       snapshot.sessions[closed + order] = std::move(session);
     }
     const hdf5::Group transfers = hdf5::open_group(opened, "transfers");
-    for (const std::string& child : children_of(transfers)) snapshot.transfers.push_back(transfer_of(transfers, child));
+    for (const std::string& child : hdf5::children_of(transfers))
+      snapshot.transfers.push_back(transfer_of(transfers, child));
     if (hdf5::has_child(opened, "pending")) {
       const hdf5::Group pending = hdf5::open_group(opened, "pending");
-      const std::size_t count = children_of(pending).size();
+      const std::size_t count = hdf5::children_of(pending).size();
       for (std::size_t i = 0; i < count; ++i)
         get_fields(hdf5::open_group(pending, std::to_string(i)), snapshot.pending.emplace_back());
     }
@@ -312,12 +313,6 @@ void get(hid_t parent, const std::string& name, std::vector<CapsuleValue>& value
     values.push_back({.name = column});
     get(group, column, values.back().value);
   }
-}
-
-void get(hid_t group, const std::string& name, double& value) {
-  const auto numbers = numbers_of<double>(group, name);
-  if (numbers.size() != 1) throw hdf5::Error("find one number in " + name);
-  value = numbers.front();
 }
 
 std::vector<std::byte> capsule_bytes(const Capsule& capsule) {

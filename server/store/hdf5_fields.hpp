@@ -30,41 +30,35 @@ void get(hid_t group, const std::string& name, std::vector<CapsuleValue>& values
 void put(hid_t group, const std::string& name, const std::vector<MarkImage>& marks);
 void get(hid_t group, const std::string& name, std::vector<MarkImage>& marks);
 
-inline void put(hid_t group, const std::string& name, std::uint64_t value) {
-  put_number(group, name, value);
+// Numbers, texts and ids are attributes, lists and numbers with a fraction are datasets.
+template <typename Value>
+void put(hid_t group, const std::string& name, const Value& value) {
+  if constexpr (std::is_same_v<Value, double>)
+    put_numbers(group, name, std::vector<double>{value}, 1);
+  else if constexpr (std::is_integral_v<Value>)
+    put_number(group, name, value);
+  else if constexpr (std::is_same_v<Value, std::string>)
+    hdf5::put_text(group, name, value);
+  else if constexpr (std::is_same_v<Value, SessionKey>)
+    hdf5::put_text(group, name, hexadecimal(value));
+  else
+    put_numbers(group, name, value, value.size());
 }
-inline void get(hid_t group, const std::string& name, std::uint64_t& value) {
-  value = number_of(group, name);
-}
-inline void put(hid_t group, const std::string& name, bool value) {
-  put_number(group, name, value ? 1 : 0);
-}
-inline void get(hid_t group, const std::string& name, bool& value) {
-  value = number_of(group, name) != 0;
-}
-inline void put(hid_t group, const std::string& name, double value) {
-  put_numbers(group, name, std::vector<double>{value}, 1);
-}
-void get(hid_t group, const std::string& name, double& value);
-inline void put(hid_t group, const std::string& name, const std::string& text) {
-  hdf5::put_text(group, name, text);
-}
-inline void get(hid_t group, const std::string& name, std::string& text) {
-  text = text_of(group, name);
-}
-inline void put(hid_t group, const std::string& name, const SessionKey& key) {
-  hdf5::put_text(group, name, hexadecimal(key));
-}
-inline void get(hid_t group, const std::string& name, SessionKey& key) {
-  key = key_from(text_of(group, name));
-}
-template <typename Number>
-void put(hid_t group, const std::string& name, const std::vector<Number>& numbers) {
-  put_numbers(group, name, numbers, numbers.size());
-}
-template <typename Number>
-void get(hid_t group, const std::string& name, std::vector<Number>& numbers) {
-  numbers = numbers_of<Number>(group, name);
+template <typename Value>
+void get(hid_t group, const std::string& name, Value& value) {
+  if constexpr (std::is_same_v<Value, double>) {
+    const auto numbers = numbers_of<double>(group, name);
+    if (numbers.size() != 1) throw hdf5::Error("find one number in " + name);
+    value = numbers.front();
+  } else if constexpr (std::is_integral_v<Value>) {
+    value = static_cast<Value>(number_of(group, name));
+  } else if constexpr (std::is_same_v<Value, std::string>) {
+    value = text_of(group, name);
+  } else if constexpr (std::is_same_v<Value, SessionKey>) {
+    value = key_from(text_of(group, name));
+  } else {
+    value = numbers_of<typename Value::value_type>(group, name);
+  }
 }
 inline void put(hid_t group, const std::string& name, const std::optional<shard::States>& states) {
   if (states) put(group, name, *states);

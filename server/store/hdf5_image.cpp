@@ -1,6 +1,7 @@
 #include "server/store/hdf5_image.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace shearbus::store {
 namespace {
@@ -52,16 +53,6 @@ std::vector<std::byte> bytes_of_image(hid_t file) {
   return bytes;
 }
 
-std::vector<std::string> children_of(hid_t group) {
-  std::vector<std::string> names;
-  const auto add = [](hid_t, const char* name, const H5L_info_t*, void* into) -> herr_t {
-    static_cast<std::vector<std::string>*>(into)->emplace_back(name);
-    return 0;
-  };
-  checked(H5Literate(group, H5_INDEX_NAME, H5_ITER_INC, nullptr, add, &names), "list a group");
-  return names;
-}
-
 void put_text_dataset(hid_t group, const std::string& name, const std::string& text) {
   const hdf5::Type type = hdf5::text_type(std::max<std::size_t>(text.size(), 1));
   hdf5::write(hdf5::make_dataset(group, name, type, {}), type, text.c_str());
@@ -89,20 +80,16 @@ std::uint64_t number_of(hid_t object, const std::string& name) {
   return value;
 }
 
-hdf5::Dataset open_numbers(hid_t group, const std::string& name, hid_t type) {
+Numbers open_numbers(hid_t group, const std::string& name, hid_t type) {
   hdf5::Dataset dataset = hdf5::open_dataset(group, name);
   if (H5Tequal(hdf5::type_of(dataset), type) <= 0)
     throw hdf5::Error("read dataset " + name + " as numbers of the type expected");
-  return dataset;
-}
-
-Extent extent_of(hid_t dataset, const std::string& name) {
   const hdf5::Shape shape = hdf5::shape_of(dataset);
   if (shape.empty() || shape.size() > 2) throw hdf5::Error("read dataset " + name + " as a list or table");
   check_room(dataset, name);
   // A width of 0 is reserved for lists, which have rank 1.
   if (shape.back() == 0 && shape.size() == 2) throw hdf5::Error("find columns in table " + name);
-  return {shape.front(), shape.size() == 2 ? shape.back() : 0};
+  return {std::move(dataset), shape.front(), shape.size() == 2 ? shape.back() : 0};
 }
 
 }  // namespace shearbus::store

@@ -35,8 +35,6 @@ hdf5::File new_image();                                   // creates an empty fi
 hdf5::File open_image(std::span<const std::byte> image);  // opens an image for reading
 std::vector<std::byte> bytes_of_image(hid_t file);
 
-std::vector<std::string> children_of(hid_t group);  // names in ascending order
-
 // Writes a text as a dataset, which may be longer than the 64 kB of an attribute.
 void put_text_dataset(hid_t group, const std::string& name, const std::string& text);
 std::string text_in_dataset(hid_t group, const std::string& name);
@@ -44,12 +42,12 @@ void put_number(hid_t object, const std::string& name, std::uint64_t value);
 std::string text_of(hid_t object, const std::string& name);
 std::uint64_t number_of(hid_t object, const std::string& name);
 
-hdf5::Dataset open_numbers(hid_t group, const std::string& name, hid_t type);
-struct Extent {
+struct Numbers {
+  hdf5::Dataset dataset;
   std::size_t rows = 0;
   std::size_t width = 0;  // 0: a list
 };
-Extent extent_of(hid_t dataset, const std::string& name);
+Numbers open_numbers(hid_t group, const std::string& name, hid_t type);
 
 // Writes a dataset of shape [rows] if width is 0, else [rows][width].
 template <typename Number>
@@ -63,11 +61,10 @@ hdf5::Dataset put_numbers(hid_t group, const std::string& name, const std::vecto
 
 template <typename Number>
 std::vector<Number> numbers_of(hid_t group, const std::string& name, std::size_t* width = nullptr) {
-  const hdf5::Dataset dataset = open_numbers(group, name, hdf5_type<Number>());
-  const Extent extent = extent_of(dataset, name);
-  std::vector<Number> values(extent.rows * (extent.width == 0 ? 1 : extent.width));
-  if (!values.empty()) hdf5::read(dataset, hdf5_type<Number>(), values.data());
-  if (width != nullptr) *width = extent.width;
+  const Numbers found = open_numbers(group, name, hdf5_type<Number>());
+  std::vector<Number> values(found.rows * (found.width == 0 ? 1 : found.width));
+  if (!values.empty()) hdf5::read(found.dataset, hdf5_type<Number>(), values.data());
+  if (width != nullptr) *width = found.width;
   return values;
 }
 

@@ -603,12 +603,9 @@ bool Store::end_checkpoint(CheckpointJob& job) {
   return true;
 }
 
-std::size_t Store::capsule_room() {
-  return options_.max_capsules - std::min(options_.max_capsules, find().capsules.size());
-}
-
 std::string Store::leave_capsule(const Capsule& capsule) {
   const auto there = find().capsules;
+  if (there.size() >= options_.max_capsules) return {};
   std::string file = capsule_name(there.empty() ? 1 : *there.rbegin() + 1);
   write_new(file + std::string(kUnfinished), capsule_bytes(capsule), false);
   storage_.rename(file + std::string(kUnfinished), file);

@@ -103,9 +103,8 @@ class Store {
   void write(CheckpointJob& job) const;
   bool end_checkpoint(CheckpointJob& job);
 
-  // capsule_room() is the number of failure capsules that may still be written; leave_capsule() writes one and returns
-  // its file name. Both throw StorageError; the answers do not depend on capsules.
-  std::size_t capsule_room();
+  // Writes a failure capsule and returns its file name, which is empty if the directory holds max_capsules already.
+  // Throws StorageError; the answers do not depend on capsules.
   std::string leave_capsule(const Capsule& capsule);
 
   Durability durability() const { return options_.durability; }
