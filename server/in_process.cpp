@@ -1,11 +1,9 @@
 #include "server/in_process.hpp"
 
-#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
 #include <stdexcept>
-#include <thread>
 
 #include "server/host.hpp"
 #include "server/service/service.hpp"
@@ -15,14 +13,10 @@ namespace shearbus::server {
 
 struct InProcess::Impl {
   explicit Impl(unsigned threads)
-      : pool(threads != 0 ? threads : std::max(1U, std::thread::hardware_concurrency())),
+      : pool(threads),
         service({.server_version = SHEARBUS_RELEASE,
                  .max_state_bytes = std::numeric_limits<std::uint64_t>::max() / 2,
-                 .now_ns = monotonic_ns,
-                 .log = {},
-                 .complete_status = {},
-                 .around_checkpoint = {},
-                 .exchanged = {}},
+                 .now_ns = monotonic_ns},
                 pool) {}
   shard::TaskPool pool;
   service::Service service;

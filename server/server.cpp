@@ -10,7 +10,6 @@
 #include <random>
 #include <stdexcept>
 #include <string_view>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -42,10 +41,6 @@ store::StoreId random_store_id() {
 std::uint64_t three_quarters_of_memory() {
   const auto pages = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES));
   return pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) / 4 * 3;
-}
-
-unsigned thread_count(unsigned wanted) {
-  return wanted != 0 ? wanted : std::max(1U, std::thread::hardware_concurrency());
 }
 
 store::Durability durability_from(const std::string& word) {
@@ -98,7 +93,7 @@ Server::Server(const ServerOptions& options, const Log& log) : Server(options, l
 
 Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch)
     : epoch_(epoch),
-      pool_(thread_count(options.threads)),
+      pool_(options.threads),
       storage_(options.state_dir.empty() ? nullptr : std::make_unique<store::PosixStorage>(options.state_dir)),
       store_(storage_ ? std::make_unique<store::Store>(*storage_, store_options(options, epoch, log)) : nullptr),
       recorder_(options.record_dir.empty() ? nullptr

@@ -149,8 +149,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, Arrival& 
 // A shard without nodes.
 std::unique_ptr<shard::Shard> Service::make_shard(shard::PairTable pairs, bool check_closure, bool sum_energy) const {
   return std::make_unique<shard::Shard>(
-      std::move(pairs), std::span<const std::uint64_t>(), std::span<const std::uint32_t>(), std::span<const double>(),
-      pool_,
+      std::move(pairs), pool_,
       shard::ShardOptions{
           .nodes_per_task = options_.nodes_per_task, .check_closure = check_closure, .sum_energy = sum_energy});
 }

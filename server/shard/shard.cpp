@@ -107,21 +107,18 @@ std::uint64_t Shard::bytes_of_pairs(const TileMap& map, std::size_t pairs) const
          (kBytesPerModel + kOperatorsKeptOfPairs * kOperatorsPerState * sizeof(double) * layout_.doubles / kLanes);
 }
 
-Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
-             TaskPool& pool, const ShardOptions& options)
-    : Shard(PairTable(std::move(model)), node_ids, {}, initial_temperature, pool, options) {}
-
-Shard::Shard(PairTable pairs, std::span<const std::uint64_t> node_ids, std::span<const std::uint32_t> of_node,
-             std::span<const double> initial_temperature, TaskPool& pool, const ShardOptions& options)
+Shard::Shard(PairTable pairs, TaskPool& pool, const ShardOptions& options)
     : pairs_(std::move(pairs)),
       layout_(pairs_.model(0), options.check_closure, options.sum_energy),
       map_(pairs_.several()),
       pool_(pool),
       options_(options),
-      tiles_per_block_(std::max<std::size_t>(1, kBlockBytes / (sizeof(double) * tile_doubles()))) {
-  PairsOfNodes of_nodes{.pairs = {}, .of_node = {of_node.begin(), of_node.end()}};
-  for (std::size_t pair = 0; pair < pairs_.size(); ++pair) of_nodes.pairs.push_back(pairs_[pair]);
-  apply(adding(node_ids, initial_temperature, nullptr, pairs_.several() ? &of_nodes : nullptr));
+      tiles_per_block_(std::max<std::size_t>(1, kBlockBytes / (sizeof(double) * tile_doubles()))) {}
+
+Shard::Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
+             TaskPool& pool, const ShardOptions& options)
+    : Shard(PairTable(std::move(model)), pool, options) {
+  apply(adding(node_ids, initial_temperature));
 }
 
 double* Shard::buffer(std::size_t tile, unsigned which) const {
@@ -336,14 +333,11 @@ void Shard::begin(StepRun& run) {
 
 // The seats of a step are the places of its threads. A thread may take several seats, one after the other.
 bool Shard::work(StepRun& run, double work) {
-  const auto seats = [&](std::size_t first, std::size_t last) {
-    for (std::size_t seat = first; seat < last; ++seat) run_seat(run, seat, work);
-  };
-  if (run.threads == 1) {
-    run_seat(run, 0, work);
-  } else {
-    pool_.run(run.threads, 1, run.threads, std::cref(seats));
-  }
+  const auto take_seat = [&](std::size_t seat) { run_seat(run, seat, work); };
+  if (run.threads == 1)
+    take_seat(0);
+  else
+    pool_.run(run.threads, std::cref(take_seat));
   if (!run.done()) return false;
   for (const std::uint32_t tile : *run.tiles)
     if (!run.step.rows_are_slots) std::fill_n(row_of_slot_.begin() + std::ptrdiff_t{tile} * kLanes, kLanes, kNoRow);

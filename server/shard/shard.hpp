@@ -56,10 +56,8 @@ class Shard {
   // `initial_temperature` has one value per node [K]. Node ids are unique.
   Shard(physics::Model model, std::span<const std::uint64_t> node_ids, std::span<const double> initial_temperature,
         TaskPool& pool, const ShardOptions& options = {});
-  // A shard of several pairs; of_node: for each node the place of its pair in the table. A node has the bits that it has
-  // in a shard of its pair alone.
-  Shard(PairTable pairs, std::span<const std::uint64_t> node_ids, std::span<const std::uint32_t> of_node,
-        std::span<const double> initial_temperature, TaskPool& pool, const ShardOptions& options = {});
+  // A shard without nodes yet. A node has the bits that it has in a shard of its pair alone.
+  Shard(PairTable pairs, TaskPool& pool, const ShardOptions& options = {});
   Shard(const Shard&) = delete;
   Shard& operator=(const Shard&) = delete;
   ~Shard();  // saves what a cut has not read yet

@@ -17,7 +17,7 @@ std::uint32_t Shard::tile_of(std::uint32_t slot) {
 
 States blank_states(std::span<const physics::State> known, const PairTable& pairs, const TileMap& map,
                     std::vector<std::uint32_t> rows, std::span<const std::uint32_t> slots) {
-  States states{.rows = std::move(rows), .columns = {}};
+  States states{.rows = std::move(rows)};
   for (const physics::State& state : known)
     states.columns.push_back({.name = state.name,
                               .units = state.unit,
@@ -25,7 +25,7 @@ States blank_states(std::span<const physics::State> known, const PairTable& pair
                               .values = std::vector<double>(slots.size() * state.width)});
   for (std::size_t i = 0; i < pairs.columns().size(); ++i) {
     const PairColumn& of_pair = pairs.columns()[i];
-    StateColumn column{.name = of_pair.name, .units = of_pair.units, .width = 1, .values = {}};
+    StateColumn column{.name = of_pair.name, .units = of_pair.units, .width = 1};
     for (const std::uint32_t slot : slots) column.values.push_back(pairs[map.pair_of(slot / kLanes)].values[i]);
     states.columns.push_back(std::move(column));
   }

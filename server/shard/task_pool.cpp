@@ -8,6 +8,7 @@
 namespace shearbus::shard {
 
 TaskPool::TaskPool(unsigned threads) {
+  if (threads == 0) threads = std::max(1U, std::thread::hardware_concurrency());
   try {
     workers_.reserve(threads);
     for (unsigned i = 1; i < threads; ++i) workers_.push_back(wire::own_thread([this] { work(); }));
@@ -30,27 +31,19 @@ void TaskPool::stop() {
   for (std::thread& worker : workers_) worker.join();
 }
 
-void TaskPool::run(std::size_t count, std::size_t grain, unsigned max_threads, const Task& task) {
+void TaskPool::run(std::size_t count, const Task& task) {
   if (count == 0) return;
-  grain = std::max<std::size_t>(grain, 1);
-  const std::size_t ranges = (count + grain - 1) / grain;
-  const auto helpers = static_cast<unsigned>(
-      std::min<std::size_t>({workers_.size(), ranges - 1, max_threads > 0 ? max_threads - 1 : 0}));
-  if (helpers == 0) {
-    task(0, count);
-    return;
-  }
+  const auto helpers = static_cast<unsigned>(std::min(workers_.size(), count - 1));
   {
     const std::lock_guard lock(mutex_);
     task_ = &task;
     count_ = count;
-    grain_ = grain;
     next_ = 0;
     fault_ = nullptr;
     seats_ = helpers;
   }
   for (unsigned i = 0; i < helpers; ++i) job_posted_.notify_one();
-  take_ranges();
+  take_tasks();
 
   std::unique_lock lock(mutex_);
   seats_ = 0;  // a worker that wakes up after this can no longer join the job
@@ -66,7 +59,7 @@ void TaskPool::work() {
     --seats_;
     ++seated_;
     lock.unlock();
-    take_ranges();
+    take_tasks();
     lock.lock();
     if (--seated_ == 0) job_left_.notify_one();
   }
@@ -91,13 +84,9 @@ void Aside::wait() {
   if (thread_.joinable()) thread_.join();
 }
 
-void TaskPool::take_ranges() {
+void TaskPool::take_tasks() {
   try {
-    for (;;) {
-      const std::size_t first = next_.fetch_add(grain_, std::memory_order_relaxed);
-      if (first >= count_) return;
-      (*task_)(first, std::min(first + grain_, count_));
-    }
+    for (std::size_t next = 0; (next = next_.fetch_add(1, std::memory_order_relaxed)) < count_;) (*task_)(next);
   } catch (...) {
     next_ = count_;
     const std::lock_guard lock(mutex_);

@@ -14,8 +14,8 @@ namespace shearbus::shard {
 
 class TaskPool {
  public:
-  // `threads` counts the caller of run(): a pool of 1 has no thread of its own. Throws std::system_error, which names
-  // the limit, if not all of the threads can be made.
+  // `threads` counts the caller of run(): a pool of 1 has no thread of its own; 0: one per core. Throws
+  // std::system_error, which names the limit, if not all of the threads can be made.
   explicit TaskPool(unsigned threads);
   TaskPool(const TaskPool&) = delete;
   TaskPool& operator=(const TaskPool&) = delete;
@@ -23,18 +23,17 @@ class TaskPool {
 
   unsigned threads() const { return static_cast<unsigned>(workers_.size()) + 1; }
 
-  using Task = std::function<void(std::size_t first, std::size_t last)>;
+  using Task = std::function<void(std::size_t index)>;
 
-  // Calls task(first, last) on ranges of at most `grain` indices that together cover [0, count), on the calling thread
-  // and at most `max_threads - 1` others; returns when every range is done. If only the calling thread works, the task
-  // is called once, on the whole of [0, count). Ranges are assigned to threads in no defined way. After the first
-  // exception of a task no further range starts, and run() throws that exception. One caller at a time.
-  void run(std::size_t count, std::size_t grain, unsigned max_threads, const Task& task);
+  // Calls task(0), ..., task(count - 1) on the calling thread and at most `count - 1` others, in no defined order; returns
+  // when every task is done. After the first exception of a task no further task starts, and run() throws that
+  // exception. One caller at a time.
+  void run(std::size_t count, const Task& task);
 
  private:
   void stop();
   void work();
-  void take_ranges();
+  void take_tasks();
 
   std::vector<std::thread> workers_;
   std::mutex mutex_;
@@ -48,7 +47,6 @@ class TaskPool {
   // The job: run() writes it before it offers seats, and the workers that have a seat read it.
   const Task* task_ = nullptr;
   std::size_t count_ = 0;
-  std::size_t grain_ = 1;
   std::atomic<std::size_t> next_{0};
 };
 
