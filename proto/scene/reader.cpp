@@ -579,7 +579,7 @@ wire::Status Document::placed(wire::Status status) const {
 }
 
 Document read(std::string_view text, const std::string& file, Message& root, const CrossRules& cross_rules) {
-  Document document{.file = printable(file, kLongestFileName), .places = {}};
+  Document document{.file = printable(file, kLongestFileName)};
   const toml::table table = parse_toml(text, document.file);
   refuse_other_format(table, root, document.file);
   std::vector<Fault> faults;

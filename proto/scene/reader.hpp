@@ -68,6 +68,9 @@ std::string with_value(std::string_view text, const std::string& origin, std::st
 // numbers read back to the same bits. Throws wire::Error{kInvalidScene} for an enum value without a name.
 std::string to_toml(const google::protobuf::Message& root);
 
+// Returns the value of a field of a message, which is no table, as such a text has it.
+std::string value_text(const google::protobuf::Message& message, const google::protobuf::FieldDescriptor& field);
+
 // Returns a reference of every key of a root message, as Markdown: table, key, type, unit, default, bounds, meaning.
 std::string reference_of(const google::protobuf::Descriptor& root);
 

@@ -115,27 +115,6 @@ void set_pair(const v1::Scene& scene, const v1::Scene& whole, v1::Pair& pair) {
 
 namespace {
 
-// Whether two messages have the same value of a field that both have, which is no table and not repeated.
-bool same_value(const Message& a, const Message& b, const FieldDescriptor& field) {
-  const auto& of_a = *a.GetReflection();
-  const auto& of_b = *b.GetReflection();
-  switch (field.cpp_type()) {
-    case FieldDescriptor::CPPTYPE_DOUBLE:
-      return std::bit_cast<std::uint64_t>(of_a.GetDouble(a, &field)) ==
-             std::bit_cast<std::uint64_t>(of_b.GetDouble(b, &field));
-    case FieldDescriptor::CPPTYPE_UINT32:
-      return of_a.GetUInt32(a, &field) == of_b.GetUInt32(b, &field);
-    case FieldDescriptor::CPPTYPE_BOOL:
-      return of_a.GetBool(a, &field) == of_b.GetBool(b, &field);
-    case FieldDescriptor::CPPTYPE_ENUM:
-      return of_a.GetEnumValue(a, &field) == of_b.GetEnumValue(b, &field);
-    case FieldDescriptor::CPPTYPE_STRING:
-      return of_a.GetString(a, &field) == of_b.GetString(b, &field);
-    default:
-      throw std::logic_error(field.full_name() + ": a kind of value that scenes do not have");
-  }
-}
-
 std::string difference_of(const Message& a, const Message& b, const std::string& path, MayDiffer may_differ) {
   for (const FieldDescriptor* field : keys_of(*a.GetDescriptor())) {
     if (field->is_repeated()) continue;
@@ -148,7 +127,7 @@ std::string difference_of(const Message& a, const Message& b, const std::string&
                                         b.GetReflection()->GetMessage(b, field), key, may_differ);
       if (!inner.empty()) return inner;
     } else if (given && !may_differ(key, field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE) &&
-               !same_value(a, b, *field)) {
+               value_text(a, *field) != value_text(b, *field)) {
       return key;
     }
   }
@@ -284,7 +263,7 @@ Document read(std::string_view text, const std::string& file, v1::Scene& scene, 
 }
 
 SceneFile parse(std::string text, const std::string& file) {
-  SceneFile parsed{.scene = {}, .text = std::move(text), .document = {}};
+  SceneFile parsed{.text = std::move(text)};
   parsed.document = read(parsed.text, file, parsed.scene);
   return parsed;
 }

@@ -32,6 +32,8 @@ std::string toml_string(std::string_view text) {
   return out + '"';
 }
 
+}  // namespace
+
 std::string value_text(const Message& message, const FieldDescriptor& field) {
   const auto& reflection = *message.GetReflection();
   if (field.is_repeated()) {
@@ -61,6 +63,8 @@ std::string value_text(const Message& message, const FieldDescriptor& field) {
     }
   }
 }
+
+namespace {
 
 std::string comment_of(const FieldDescriptor& field) {
   const v1::Rule& rule = rule_of(field);
