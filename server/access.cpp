@@ -24,7 +24,7 @@ bool same_file(const struct stat& a, const struct stat& b) {
 }
 
 transport::Admission admitted(bool is_operator, const std::string& identity) {
-  return {.admitted = true, .user = std::string(is_operator ? kOperator : kClient) + identity, .reason = {}};
+  return {.admitted = true, .user = std::string(is_operator ? kOperator : kClient) + identity};
 }
 
 }  // namespace

@@ -80,10 +80,7 @@ CapsuleReplay replay_capsule(const std::filesystem::path& file) {
                        .attempt = capsule.attempt,
                        .dt_s = capsule.dt_s,
                        .time_s = capsule.time_s,
-                       .scene = capsule.scene,
-                       .state = {},
-                       .inputs = {},
-                       .answer = {}};
+                       .scene = capsule.scene};
   for (const shard::StateColumn& column : capsule.state.columns) replay.state.push_back(part_of(column));
   for (const store::CapsuleValue& input : capsule.inputs) replay.inputs.emplace_back(input.name, input.value);
 

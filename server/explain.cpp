@@ -7,7 +7,6 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <ctime>
 #include <functional>
 #include <limits>
 #include <optional>
@@ -18,6 +17,7 @@
 #include "proto/program/progress.hpp"
 #include "proto/wire/columns.hpp"
 #include "proto/wire/status.hpp"
+#include "server/host.hpp"
 #include "server/physics/material/material.hpp"
 #include "server/physics/solver/parts.hpp"
 #include "server/service/columns.hpp"
@@ -101,11 +101,7 @@ class Bench {
 
  private:
   // Processor time of this thread, which does not count other users of the machine  [s].
-  static double cpu_s() {
-    timespec now{};
-    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-  }
+  static double cpu_s() { return 1e-9 * static_cast<double>(thread_cpu_ns()); }
 
   void begin() {
     double temperature[kLanes];
@@ -208,7 +204,7 @@ struct FullModel {
   std::vector<std::string> parts;
 };
 FullModel with_everything(const physics::ModelOptions& options) {
-  FullModel full{.options = options, .parts = {}};
+  FullModel full{.options = options};
   for (const Property property : {Property::kModes, Property::kSleep})
     full.options = physics::switched(full.options, physics::part_of(property), false);
   for (const physics::Part& part : physics::parts()) {
@@ -295,12 +291,7 @@ Explanation explain(std::string_view scene, const std::string& file) {
                                        static_cast<double>(std::max<std::size_t>(parts, 1))};
     });
   };
-  Explanation explanation{.scene = made.name,
-                          .cost = cost_of(options, here_beside),
-                          .parts = {},
-                          .everything = {},
-                          .together = {},
-                          .pairs = {}};
+  Explanation explanation{.scene = made.name, .cost = cost_of(options, here_beside)};
   for (const service::PairModel& pair : made.pairs) explanation.pairs.push_back(pair.name);
 
   Bench here_bench(options);
@@ -417,10 +408,8 @@ OmittedCost omitted_cost(const std::string& effective_scene, const wire::Session
   const physics::ModelOptions& options = made.options;
   const FullModel full = with_everything(options);
   const Beside everything{.ledger = true, .friction_energy = service::has_ledger(full.options)};
-  OmittedCost omitted{.parts = {},
-                      .bytes_per_node = bytes_per_node(options, {.friction_energy = made.friction_energy}),
-                      .bytes_per_node_with_everything = bytes_per_node(full.options, everything),
-                      .share_asleep = {}};
+  OmittedCost omitted{.bytes_per_node = bytes_per_node(options, {.friction_energy = made.friction_energy}),
+                      .bytes_per_node_with_everything = bytes_per_node(full.options, everything)};
   for (const physics::Part& part : physics::parts())
     if (!part.is_on(options) && std::ranges::find(full.parts, unique_key(part)) != full.parts.end())
       omitted.parts.push_back(unique_key(part));

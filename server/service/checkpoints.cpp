@@ -75,7 +75,7 @@ std::vector<std::uint32_t> rows_of_parts(const Parts& parts, const shard::NodeTa
 
 // The states at this moment. What takes long to copy is left to whoever reads the snapshot (Snapshot::complete).
 store::Snapshot Service::snapshot() {
-  store::Snapshot snapshot{.next_index = 0, .server_version = options_.server_version, .sessions = {}, .transfers = {}};
+  store::Snapshot snapshot{.server_version = options_.server_version};
   const auto unread = std::make_shared<AllUnread>();
   const auto add = [&](const Member& member) {
     const ReplyPtr& last = member.conversation.kept_reply();
@@ -112,11 +112,8 @@ store::Snapshot Service::snapshot() {
   for (const auto& [id, transfer] : transfers_) unread->transfers.push_back(transfer);
   for (const Member* member : journaled_) {
     RunningStep& running = *member->running;
-    snapshot.pending.push_back({.session = member->id,
-                                .epoch = epoch_,
-                                .previous_committed = running.step().commit_previous,
-                                .header_frame = {},
-                                .payload_frame = {}});
+    snapshot.pending.push_back(
+        {.session = member->id, .epoch = epoch_, .previous_committed = running.step().commit_previous});
     running.pending = std::make_shared<PendingFrames>(running.frames);
     unread->pending.push_back(running.pending);
   }

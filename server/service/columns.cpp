@@ -186,8 +186,7 @@ ModelColumns columns_of(const physics::ModelOptions& options) {
 shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, double dt, shard::StepColumns memory) {
   shard::StepColumns columns = {.inputs = std::move(memory.inputs),
                                 .converted = std::move(memory.converted),
-                                .outputs = std::move(memory.outputs),
-                                .closure = {}};
+                                .outputs = std::move(memory.outputs)};
   columns.inputs.clear();
   columns.outputs.clear();
   for (const InputRow& row : kInputs)

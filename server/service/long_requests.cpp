@@ -180,15 +180,25 @@ void Service::hold(Member& member) {
   member.long_request = turn_of_;
 }
 
+// While a step is computed or a request has work aside, every other request of its session waits.
+bool Service::must_wait(const Member& member) {
+  return wait_while(member.running || (member.long_request != nullptr && member.long_request != turn_of_),
+                    "a request of the session is being worked on");
+}
+
 // While a request changes the nodes of a domain, every other request that does waits.
 bool Service::must_wait_for_domain(std::string_view identity, std::string_view domain) {
-  if (domain.empty()) return false;
-  const bool busy = std::ranges::any_of(long_, [&](const auto& request) {
+  const auto changes_it = [&](const auto& request) {
     return request.get() != turn_of_ && request->owner == identity && request->domain == domain;
-  });
+  };
+  return wait_while(!domain.empty() && std::ranges::any_of(long_, changes_it),
+                    "the nodes of the domain are being changed");
+}
+
+// Returns whether the present request must wait, if another one is `busy`.
+bool Service::wait_while(bool busy, const char* fault) {
   if (!busy) return false;
-  if (!may_wait_)
-    throw wire::Error({.code = wire::Code::kInternal, .text = "the nodes of the domain are being changed"});
+  if (!may_wait_) throw wire::Error({.code = wire::Code::kInternal, .text = fault});
   turn_ = Turn::kWaiting;
   return true;
 }

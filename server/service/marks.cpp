@@ -53,11 +53,8 @@ void Service::mark(Member& member, const wire::Mark& mark, const Arrival& arriva
   for (auto old = member.marks.begin(); old != member.marks.end(); ++old)
     if (old != gone) answer.names.push_back((*old)->name);
   answer.names.push_back(mark.name);
-  auto made = std::make_shared<store::MarkImage>(store::MarkImage{.name = mark.name,
-                                                                  .sequence = arrival.request.sequence,
-                                                                  .state_version = shard.state_version(),
-                                                                  .node_ids = {},
-                                                                  .states = {}});
+  auto made = std::make_shared<store::MarkImage>(store::MarkImage{
+      .name = mark.name, .sequence = arrival.request.sequence, .state_version = shard.state_version()});
   aside(wanted, [&] {
     made->node_ids = shard.nodes().ids();
     made->states = shard.committed_states();

@@ -146,7 +146,7 @@ std::optional<ReplyFrames> Service::refuse_while_recovering(Frames frames) const
   reply.request_id = request.request_id;
   reply.session_id = request.session_id;
   reply.sequence = request.sequence;
-  return ReplyFrames{.header = wire::encode_header(reply), .payload = {}, .owner = {}};
+  return ReplyFrames{.header = wire::encode_header(reply)};
 } catch (const std::exception&) {
   return std::nullopt;
 }

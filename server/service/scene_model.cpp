@@ -63,19 +63,19 @@ physics::Material material_of(const v1::Body& body, const std::string& table) {
   return made.material;
 }
 
-// A table of k(T) or c(T) in parts of the body's constant `of` at `key`; empty where the scene has none.
+// A table of k(T) or c(T) in parts of the body's constant `of`; empty where the scene has none.
 template <typename List>
-physics::HeatTable heat_table_of(const List& temperatures, const List& values, double of, const std::string& key,
-                                 const std::string& constant) {
+physics::HeatTable heat_table_of(const List& temperatures, const List& values, double of, std::string key) {
   constexpr double kMost = 20.0;
+  constexpr std::string_view kTable = "_table";
   physics::HeatTable table{{temperatures.begin(), temperatures.end()}, {}};
   for (const double value : values) {
     const double share = value / of;
     if (!(share >= physics::Material::kLeastHeatShare && share <= kMost))
-      refuse(
-          key,
-          fmt::format("{} has the value {}, expected a twentieth to {} times {} = {}", key, value, kMost, constant, of),
-          "Give both in one unit, and the constant in the middle of the table.");
+      refuse(key,
+             fmt::format("{} has the value {}, expected a twentieth to {} times {} = {}", key, value, kMost,
+                         std::string(key).erase(key.find(kTable), kTable.size()), of),
+             "Give both in one unit, and the constant in the middle of the table.");
     table.share.push_back(share);
   }
   return table;
@@ -83,33 +83,28 @@ physics::HeatTable heat_table_of(const List& temperatures, const List& values, d
 
 std::shared_ptr<const physics::HeatTables> heat_tables_of(const v1::Scene& scene,
                                                           const physics::ModelOptions& options) {
-  const auto conductivity = [](const v1::Body& body, const physics::Material& made, const std::string& name) {
-    return heat_table_of(body.thermal_conductivity_table_temperature_k(), body.thermal_conductivity_table_w_per_m_k(),
-                         made.conductivity, name + ".thermal_conductivity_table_w_per_m_k",
-                         name + ".thermal_conductivity_w_per_m_k");
+  physics::HeatTables tables;
+  auto keys = std::begin(physics::kHeatTables);
+  const auto add = [&](const auto& temperatures, const auto& values, double of) {
+    tables.*keys->table = heat_table_of(temperatures, values, of, keys->values);
+    ++keys;
   };
-  const auto heat = [](const v1::Body& body, const physics::Material& made, const std::string& name) {
-    return heat_table_of(body.specific_heat_table_temperature_k(), body.specific_heat_table_j_per_kg_k(),
-                         made.specific_heat, name + ".specific_heat_table_j_per_kg_k",
-                         name + ".specific_heat_j_per_kg_k");
+  const auto add_tables_of = [&](const v1::Body& body, const physics::Material& made) {
+    add(body.thermal_conductivity_table_temperature_k(), body.thermal_conductivity_table_w_per_m_k(),
+        made.conductivity);
+    add(body.specific_heat_table_temperature_k(), body.specific_heat_table_j_per_kg_k(), made.specific_heat);
   };
-  physics::HeatTables tables{conductivity(scene.soft(), options.soft, "soft"), heat(scene.soft(), options.soft, "soft"),
-                             conductivity(scene.hard(), options.hard, "hard"),
-                             heat(scene.hard(), options.hard, "hard")};
-  if (std::ranges::all_of(physics::kHeatTables, [&](const auto& keys) { return (tables.*keys.table).empty(); }))
+  add_tables_of(scene.soft(), options.soft);
+  add_tables_of(scene.hard(), options.hard);
+  if (std::ranges::all_of(physics::kHeatTables, [&](const auto& row) { return (tables.*row.table).empty(); }))
     return nullptr;
   return std::make_shared<const physics::HeatTables>(std::move(tables));
 }
 
 physics::FarBoundary far_boundary_of(v1::FarBoundary boundary) {
-  switch (boundary) {
-    case v1::FAR_BOUNDARY_HALF_SPACE:
-      return physics::FarBoundary::kHalfSpace;
-    case v1::FAR_BOUNDARY_ISOTHERMAL:
-      return physics::FarBoundary::kIsothermal;
-    default:
-      return physics::FarBoundary::kInsulated;
-  }
+  return boundary == v1::FAR_BOUNDARY_HALF_SPACE   ? physics::FarBoundary::kHalfSpace
+         : boundary == v1::FAR_BOUNDARY_ISOTHERMAL ? physics::FarBoundary::kIsothermal
+                                                   : physics::FarBoundary::kInsulated;
 }
 
 // Fills in the absent keys of [hard_layer] from [layer]. `cells` and `grading` stay absent in a scene with a tolerance,
@@ -166,16 +161,16 @@ physics::GridOptions grid_of(const Table& table) {
 // The law "own:NAME" of a scene; null for the laws of the list.
 const shearbus_friction_law* own_law_of(const v1::Interface& law) {
   if (law.friction_law() != v1::FRICTION_LAW_OWN) return nullptr;
-  const shearbus_friction_law* const found = own_law(law.own_friction_law());
-  if (found != nullptr) return found;
-  const std::vector<std::string> names = own_law_names();
-  refuse(
-      "interface.friction_law",
-      fmt::format("interface.friction_law = \"own:{}\": this server has loaded {}",
-                  wire::printable(law.own_friction_law(), wire::kMaxTextBytes),
-                  names.empty() ? "no law of its own" : fmt::format("only \"own:{}\"", fmt::join(names, "\", \"own:"))),
-      "Ask the server's administrator for shearbus-server --friction-law NAME=/path/library.so, or choose another "
-      "law.");
+  const auto& laws = own_laws();
+  if (const auto found = laws.find(law.own_friction_law()); found != laws.end()) return found->second;
+  std::string names;
+  for (const auto& [name, known] : laws) names += fmt::format("{}\"own:{}\"", names.empty() ? "only " : ", ", name);
+  refuse("interface.friction_law",
+         fmt::format("interface.friction_law = \"own:{}\": this server has loaded {}",
+                     wire::printable(law.own_friction_law(), wire::kMaxTextBytes),
+                     names.empty() ? "no law of its own" : names),
+         "Ask the server's administrator for shearbus-server --friction-law NAME=/path/library.so, or choose another "
+         "law.");
 }
 
 physics::InterfaceOptions interface_of(const v1::Interface& law) {
@@ -317,7 +312,7 @@ std::vector<std::string> warnings_of(const v1::Scene& scene, const physics::Mode
 SceneModel convert_tables(v1::Scene& scene) {
   if (wire::has_control_character(scene.name()))
     refuse("name", "name has a control character, expected printable text of one line", "Choose another name.");
-  SceneModel made{.options = {}, .name = scene.name(), .effective = {}};
+  SceneModel made{.name = scene.name()};
   physics::ModelOptions& options = made.options;
   options.soft = material_of(scene.soft(), "soft");
   options.hard = material_of(scene.hard(), "hard");

@@ -60,7 +60,7 @@ std::optional<ReplyFrames> Service::handle(Frames frames, const Caller& caller, 
   may_wait_ = turn != nullptr;
   turn_ = Turn::kAnswered;
   ++metrics_.requests;
-  User& asking = user(caller.identity);
+  wire::ServerStatus& asking = user(caller.identity).counted;
   ++asking.requests;
   ReplyPtr reply = blank_reply();
   reply->epoch = epoch_;
@@ -137,7 +137,7 @@ void Service::settle() {
 
 // Decodes the request and calls the function of its verb. Returns `reply`, or the kept reply of a repeated request.
 Service::ReplyPtr Service::answer(Frames frames, const Caller& caller, const ReplyPtr& reply) {
-  Arrival arrival{.frames = frames, .caller = caller, .request = {}, .hash = 0, .started_ns = 0};
+  Arrival arrival{.frames = frames, .caller = caller};
   wire::Request& request = arrival.request;
   const auto address = [&](const wire::Request& asked) {
     reply->request_id = asked.request_id;
@@ -280,7 +280,7 @@ Service::ReplyPtr Service::answer_in_session(const Verb& verb, Arrival& arrival,
   session::Verdict verdict = member.conversation.triage(request.sequence, arrival.hash);
   member.last_request_ns = arrival.started_ns;
   if (verdict.triage == session::Triage::kResend) {
-    ++user(arrival.caller.identity).replayed;
+    ++user(arrival.caller.identity).counted.replayed;
     return repeat(std::move(verdict.reply));  // whatever the request's epoch
   }
   check_epoch(request, &member);
@@ -297,11 +297,7 @@ Service::ReplyPtr Service::answer_in_session(const Verb& verb, Arrival& arrival,
 }
 
 wire::ServerStatus Service::status() const {
-  wire::ServerStatus status = metrics_;
-  status.uptime_ns = options_.now_ns() - started_ns_;
-  status.threads = pool_.threads();
-  status.server_version = options_.server_version;
-  status.draining = draining_;
+  wire::ServerStatus status = with_server(metrics_);
   times_.put_into(status);
   if (store_ != nullptr) {
     const store::StoreCounters& counted = store_->counters();

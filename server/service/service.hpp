@@ -204,6 +204,7 @@ class Service : private store::Recovery {
   void aside(std::uint64_t bytes, const std::function<void()>& act);
   // The same for what changes the states of a session and must not fail, after the request is in the journal.
   void change_aside(Member& member, std::uint64_t bytes, const std::function<void()>& act);
+  bool wait_while(bool busy, const char* fault);
   bool must_wait_for_domain(std::string_view identity, std::string_view domain);
   bool must_wait_for_changes();
   bool being_opened(const wire::SessionId& session);
@@ -238,20 +239,12 @@ class Service : private store::Recovery {
                             const shard::PairTable& known);
 
   // Defined in users.cpp: quotas and counters of users.
-  struct Usage {
-    std::size_t sessions = 0;
-    std::uint64_t nodes = 0;
-    std::uint64_t state_bytes = 0;
+  struct User {
+    wire::ServerStatus counted;  // since the start of the server: requests, node_steps, ...
+    std::uint64_t turn_ns = 0;   // time of the solver, from which the order of the users' slices follows
   };
-  struct User {  // counters since the start of the server
-    std::uint64_t requests = 0;
-    std::uint64_t refused = 0;
-    std::uint64_t replayed = 0;
-    std::uint64_t node_steps = 0;
-    std::uint64_t solver_ns = 0;
-    std::uint64_t turn_ns = 0;  // time of the solver, from which the order of the users' slices follows
-  };
-  Usage usage_of(std::string_view identity) const;
+  wire::ServerStatus usage_of(std::string_view identity) const;
+  wire::ServerStatus with_server(wire::ServerStatus status) const;
   void check_session_quota(const Caller& caller) const;
   void check_memory(std::uint64_t wanted, std::size_t nodes, const Caller& caller, std::string_view owner) const;
   wire::ServerStatus status_for(const Caller& caller) const;

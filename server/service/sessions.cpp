@@ -82,7 +82,7 @@ Service::ReplyPtr Service::open_session(const wire::OpenSession& open, Arrival& 
     if (verdict.triage == session::Triage::kReject) throw Error(std::move(verdict.status));
     if (verdict.triage == session::Triage::kProcess)
       refuse(Code::kSequenceReused, "", "the session is open already", "");
-    ++user(arrival.caller.identity).replayed;
+    ++user(arrival.caller.identity).counted.replayed;
     return repeat(std::move(verdict.reply));
   }
   check_may_open(request);
@@ -167,13 +167,11 @@ std::unique_ptr<shard::Shard> Service::restored_shard(const SessionPairs& pairs,
 Service::NewNodes Service::new_nodes(const wire::Batch& batch, std::span<const std::string> named,
                                      const SessionPairs& pairs, const shard::PairTable& known) {
   NewNodes nodes;
-  if (pairs.several()) {
+  if (pairs.several())
     nodes.pairs = pairs.of_new_nodes(batch, named, known);
-    nodes.temperatures = check_initial_temperatures(batch, *nodes.pairs);
-  } else {
+  else
     refuse_pair_columns(batch, named.size());
-    nodes.temperatures = check_initial_temperatures(batch, known.model(0).options());
-  }
+  nodes.temperatures = check_initial_temperatures(batch, known.model(0).options(), nodes.of());
   return nodes;
 }
 

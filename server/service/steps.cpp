@@ -23,7 +23,6 @@
 namespace shearbus::service {
 
 using wire::Code;
-using wire::Error;
 using wire::Field;
 
 namespace {
@@ -121,14 +120,6 @@ void Service::RunningStep::clear() noexcept {
   blank.unasked.clear();
   blank.run = std::move(run);
   *this = std::move(blank);
-}
-
-// While a step is computed or a request has work aside, every other request of its session waits.
-bool Service::must_wait(const Member& member) {
-  if (!member.running && (member.long_request == nullptr || member.long_request == turn_of_)) return false;
-  if (!may_wait_) throw Error({.code = Code::kInternal, .text = "a request of the session is being worked on"});
-  turn_ = Turn::kWaiting;
-  return true;
 }
 
 // Whether the request is the part behind the one that is being computed. It waits until that part has run.
@@ -375,8 +366,8 @@ void Service::end_step(Member& member, RunningStep& running, const Arrival& arri
   metrics_.node_steps += stepped;
   metrics_.solver_ns += upscale.solver_ns;
   if (const auto owner = users_.find(arrival.caller.identity); owner != users_.end()) {
-    owner->second.node_steps += stepped;
-    owner->second.solver_ns += upscale.solver_ns;
+    owner->second.counted.node_steps += stepped;
+    owner->second.counted.solver_ns += upscale.solver_ns;
   }
   times_.solver.add(upscale.solver_ns);
 }

@@ -19,8 +19,10 @@ Service::User& Service::user(std::string_view identity) {
   return found != users_.end() ? found->second : users_[std::string(identity)];
 }
 
-Service::Usage Service::usage_of(std::string_view identity) const {
-  Usage usage;
+// The sessions, nodes and memory of a user, with the user's counters.
+wire::ServerStatus Service::usage_of(std::string_view identity) const {
+  const auto known = users_.find(identity);
+  wire::ServerStatus usage = known != users_.end() ? known->second.counted : wire::ServerStatus();
   for (const auto& [id, member] : members_) {
     if (!member->shard || member->identity != identity) continue;
     ++usage.sessions;
@@ -39,7 +41,7 @@ Service::Usage Service::usage_of(std::string_view identity) const {
 // when they ran first.
 void Service::check_session_quota(const Caller& caller) const {
   if (caller.is_operator || replaying_) return;
-  const std::size_t sessions = usage_of(caller.identity).sessions;
+  const std::uint64_t sessions = usage_of(caller.identity).sessions;
   if (sessions < options_.max_sessions_per_user) return;
   refuse(Code::kLimit, "", fmt::format("{} has {} sessions open, the quota of a user", caller.identity, sessions),
          "Close sessions that are no longer used, or ask the operator of the server for a larger "
@@ -65,35 +67,22 @@ void Service::check_memory(std::uint64_t wanted, std::size_t nodes, const Caller
            "Use a graded grid with fewer cells, close sessions, or give the server more memory.");
 }
 
-// The regimes are counted only here: a step does no work for them.
-wire::ServerStatus Service::status_for(const Caller& caller) const {
-  std::vector<std::uint64_t> regimes(wire::kRegimeCount, 0);
-  for (const auto& [id, member] : members_)
-    if (member->shard && !member->changing && (caller.is_operator || member->identity == caller.identity))
-      member->shard->count_regimes(regimes);
-  if (caller.is_operator) {
-    wire::ServerStatus all = status();
-    all.regimes = std::move(regimes);
-    return all;
-  }
-  const Usage usage = usage_of(caller.identity);
-  wire::ServerStatus status;
-  status.sessions = usage.sessions;
-  status.nodes = usage.nodes;
-  status.state_bytes = usage.state_bytes;
-  if (const auto counted = users_.find(caller.identity); counted != users_.end()) {
-    status.requests = counted->second.requests;
-    status.refused = counted->second.refused;
-    status.replayed = counted->second.replayed;
-    status.node_steps = counted->second.node_steps;
-    status.solver_ns = counted->second.solver_ns;
-  }
+wire::ServerStatus Service::with_server(wire::ServerStatus status) const {
   status.uptime_ns = options_.now_ns() - started_ns_;
   status.threads = pool_.threads();
   status.server_version = options_.server_version;
   status.draining = draining_;
-  status.regimes = std::move(regimes);
   return status;
+}
+
+// The regimes are counted only here: a step does no work for them.
+wire::ServerStatus Service::status_for(const Caller& caller) const {
+  wire::ServerStatus found = caller.is_operator ? status() : with_server(usage_of(caller.identity));
+  found.regimes.resize(wire::kRegimeCount);
+  for (const auto& [id, member] : members_)
+    if (member->shard && !member->changing && (caller.is_operator || member->identity == caller.identity))
+      member->shard->count_regimes(found.regimes);
+  return found;
 }
 
 }  // namespace shearbus::service

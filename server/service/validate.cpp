@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
+#include <initializer_list>
 #include <limits>
 #include <string>
 #include <utility>
@@ -55,8 +55,7 @@ bool all_between(std::span<const double> values, double lowest, double highest) 
   return not_below[0] + not_below[1] == checked && not_above[0] + not_above[1] == checked && last;
 }
 
-template <std::size_t N>
-std::string join_names(const std::array<std::span<const Field>, N>& lists) {
+std::string join_names(std::initializer_list<std::span<const Field>> lists) {
   std::string names;
   for (const auto& list : lists)
     for (const Field field : list) names += std::string(names.empty() ? "" : ", ") + wire::name(field);
@@ -65,10 +64,9 @@ std::string join_names(const std::array<std::span<const Field>, N>& lists) {
 
 // Remedy of a refusal: the columns that a step needs, in the far-field form and, if the scene has it, the stick form.
 std::string needed_columns(const wire::StrategyColumns& columns) {
-  std::string text = "A step of this scene needs " + join_names(std::array{columns.required});
+  std::string text = "A step of this scene needs " + join_names({columns.required});
   if (columns.stick.empty()) return text + ".";
-  const std::vector<Field> stick = wire::columns_in(wire::Form::kStick, columns.required);
-  return text + " (far-field form), or " + join_names(std::array{std::span<const Field>(stick)}) +
+  return text + " (far-field form), or " + join_names({wire::columns_in(wire::Form::kStick, columns.required)}) +
          " (stick form); all rows of a request have one form.";
 }
 
@@ -143,10 +141,7 @@ void check_columns_of_step(const wire::Batch& batch, const physics::ModelOptions
     if (column.field != Field::kNodeId && !required && !contains(columns.optional, column.field))
       refuse(Code::kShape, wire::name(column.field),
              fmt::format("column {} does not belong to a step of this scene", wire::name(column.field)),
-             "Send " +
-                 join_names(
-                     std::array{std::span<const Field>(wire::columns_in(form, columns.required)), columns.optional}) +
-                 " and nothing else.");
+             "Send " + join_names({wire::columns_in(form, columns.required), columns.optional}) + " and nothing else.");
     check_condition(column.field, options, wire::name(column.field));
   }
 }
@@ -263,30 +258,6 @@ void check_scene_temperature(const physics::ModelOptions& options) {
          "The layer starts solid.");
 }
 
-// The column of the request, or without it the temperatures of the nodes' models; options_of(row): those of a node.
-template <typename OptionsOf>
-std::vector<double> initial_temperatures(const wire::Batch& batch, const OptionsOf& options_of) {
-  const auto ids = batch.u64(Field::kNodeId);
-  std::vector<double> temperatures(ids.size());
-  if (!batch.has(Field::kInitialTemperature)) {
-    for (std::size_t row = 0; row < ids.size(); ++row) temperatures[row] = options_of(row).initial_temperature;
-    return temperatures;
-  }
-  const auto given = batch.f64(Field::kInitialTemperature);
-  const auto melts_at = [&](std::size_t row) { return options_of(row).soft.melting_temperature; };
-  check_rows(
-      Code::kInvalidValue, wire::name(Field::kInitialTemperature), given,
-      [&](std::size_t row, double value) { return value > 0.0 && value < melts_at(row); },
-      [&](std::size_t row) { return ids[row]; },
-      [&](std::uint64_t node, std::size_t row, double value) {
-        return fmt::format("{} of node {} is {}; expected above 0 and below {} K, where the soft body melts",
-                           wire::name(Field::kInitialTemperature), node, value, melts_at(row));
-      },
-      "Nothing was changed; correct the temperatures, in K.");
-  temperatures.assign(given.begin(), given.end());
-  return temperatures;
-}
-
 }  // namespace
 
 void check_session_size(std::size_t nodes) {
@@ -365,16 +336,32 @@ void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
          std::move(ids));
 }
 
-std::vector<double> check_initial_temperatures(const wire::Batch& batch, const physics::ModelOptions& options) {
-  return initial_temperatures(batch, [&](std::size_t) -> const physics::ModelOptions& { return options; });
-}
-
-std::vector<double> check_initial_temperatures(const wire::Batch& batch, const shard::PairsOfNodes& nodes) {
-  if (!batch.has(Field::kInitialTemperature))
-    for (const shard::Pair& pair : nodes.pairs) check_scene_temperature(pair.model->options());
-  return initial_temperatures(batch, [&](std::size_t row) -> const physics::ModelOptions& {
-    return nodes.pairs[nodes.of_node[row]].model->options();
-  });
+std::vector<double> check_initial_temperatures(const wire::Batch& batch, const physics::ModelOptions& options,
+                                               const shard::PairsOfNodes* nodes) {
+  const auto ids = batch.u64(Field::kNodeId);
+  const auto options_of = [&](std::size_t row) -> const physics::ModelOptions& {
+    return nodes != nullptr ? nodes->pairs[nodes->of_node[row]].model->options() : options;
+  };
+  std::vector<double> temperatures(ids.size());
+  if (!batch.has(Field::kInitialTemperature)) {
+    for (std::size_t pair = 0; nodes != nullptr && pair < nodes->pairs.size(); ++pair)
+      check_scene_temperature(nodes->pairs[pair].model->options());
+    for (std::size_t row = 0; row < ids.size(); ++row) temperatures[row] = options_of(row).initial_temperature;
+    return temperatures;
+  }
+  const auto given = batch.f64(Field::kInitialTemperature);
+  const auto melts_at = [&](std::size_t row) { return options_of(row).soft.melting_temperature; };
+  check_rows(
+      Code::kInvalidValue, wire::name(Field::kInitialTemperature), given,
+      [&](std::size_t row, double value) { return value > 0.0 && value < melts_at(row); },
+      [&](std::size_t row) { return ids[row]; },
+      [&](std::uint64_t node, std::size_t row, double value) {
+        return fmt::format("{} of node {} is {}; expected above 0 and below {} K, where the soft body melts",
+                           wire::name(Field::kInitialTemperature), node, value, melts_at(row));
+      },
+      "Nothing was changed; correct the temperatures, in K.");
+  temperatures.assign(given.begin(), given.end());
+  return temperatures;
 }
 
 std::span<const std::uint64_t> check_pairs(const wire::Batch& batch, std::size_t names) {
@@ -502,7 +489,7 @@ std::span<const Field> check_wanted(const wire::Downscale& step, const physics::
       refuse(Code::kShape, "wanted",
              fmt::format("field {} ({}) is not a column of this scene's replies", static_cast<std::uint32_t>(field),
                          wire::name(field)),
-             "Choose from " + join_names(std::array{all, on_request}) + ".");
+             "Choose from " + join_names({all, on_request}) + ".");
     check_condition(field, options, "wanted");
     if (field == Field::kClosure && !shard.check_closure())
       refuse(Code::kUnsupported, "wanted", fmt::format("{} is of sessions that check closure", wire::name(field)),

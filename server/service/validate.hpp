@@ -63,9 +63,10 @@ void check_printable(const std::string& text, const std::string& field);  // ref
 [[noreturn]] void refuse_failed_step(const wire::Batch& batch, const shard::NodeTable& nodes,
                                      std::span<const std::uint8_t> outcomes);
 
-// The initial temperature of each node [K], above 0 and below melting: from the payload's column, else from the model.
-std::vector<double> check_initial_temperatures(const wire::Batch& batch, const physics::ModelOptions& options);
-std::vector<double> check_initial_temperatures(const wire::Batch& batch, const shard::PairsOfNodes& nodes);
+// The initial temperature of each node [K], above 0 and below melting: from the payload's column, else from the node's
+// model. `nodes`: of a session of several pairs; null: all have the model of these options.
+std::vector<double> check_initial_temperatures(const wire::Batch& batch, const physics::ModelOptions& options,
+                                               const shard::PairsOfNodes* nodes);
 
 // The column pair of new nodes, empty without one; `names`: length of the request's list of names.
 std::span<const std::uint64_t> check_pairs(const wire::Batch& batch, std::size_t names);

@@ -11,12 +11,12 @@ namespace shearbus::service {
 enum class Service::Trial { kAny, kMustStand, kMustNotStand };
 
 struct Service::Verb {
-  std::size_t body;   // place of its body in wire::Request::body
-  bool sequence;      // it is the next request of a session, and has a number in it
-  bool of_operators;  // nobody else may ask for it
-  Trial trial;        // of the session
-  bool
-      changes_domain;  // it may change which nodes the session has, so it waits while another request does in the domain
+  std::size_t body;           // place of its body in wire::Request::body
+  bool sequence = false;      // it is the next request of a session, and has a number in it
+  bool of_operators = false;  // nobody else may ask for it
+  Trial trial{};              // of the session
+  // It may change which nodes the session has, so it waits while another request does in the domain.
+  bool changes_domain = false;
   ReplyPtr (*handler)(Service&, const Verb&, Member*, Arrival&, const ReplyPtr&);
 };
 

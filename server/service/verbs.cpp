@@ -33,10 +33,7 @@ struct Service::Verbs {
   template <typename Body, ReplyPtr (Service::*kHandler)(const Body&, Arrival&, const ReplyPtr&)>
   static constexpr Verb aside(For whom = For::kAnybody) {
     return {.body = place<Body>(),
-            .sequence = false,
             .of_operators = whom == For::kOperators,
-            .trial = Trial::kAny,
-            .changes_domain = false,
             .handler = [](Service& service, const Verb&, Member*, Arrival& arrival, const ReplyPtr& reply) {
               return (service.*kHandler)(std::get<Body>(arrival.request.body), arrival, reply);
             }};
@@ -47,7 +44,6 @@ struct Service::Verbs {
   static constexpr Verb next(Trial trial, Domain domain = Domain::kMayChange) {
     return {.body = place<Body>(),
             .sequence = true,
-            .of_operators = false,
             .trial = trial,
             .changes_domain = domain == Domain::kMayChange,
             .handler = [](Service& service, const Verb& verb, Member* member, Arrival& arrival, const ReplyPtr& reply) {
@@ -61,9 +57,6 @@ struct Service::Verbs {
   static constexpr Verb step() {
     return {.body = place<wire::Downscale>(),
             .sequence = true,
-            .of_operators = false,
-            .trial = Trial::kAny,
-            .changes_domain = false,
             .handler = [](Service& service, const Verb&, Member* member, Arrival& arrival, const ReplyPtr& reply) {
               return service.downscale(*member, arrival, reply);
             }};

@@ -21,15 +21,7 @@ constexpr std::size_t kKeyBytes = 32;  // size of a key in binary form
 constexpr std::size_t kKeyText = 41;   // characters of a key in Z85, with the terminating zero
 
 const char* domain_of(Peer::Way way) {
-  switch (way) {
-    case Peer::Way::kIpc:
-      return "ipc";
-    case Peer::Way::kCurve:
-      return "curve";
-    case Peer::Way::kPlaintext:
-      return "plaintext";
-  }
-  return "";
+  return std::array{"ipc", "curve", "plaintext"}.at(static_cast<std::size_t>(way));
 }
 
 // libzmq gives the address of an ipc peer as "localhost:UID:GID:PID".

@@ -103,7 +103,7 @@ void Router::bind_ipc(const Endpoint& endpoint) {
     options_.log_access("WARNING: the file system of " + endpoint.path +
                         " has no access lists: every user of this machine can connect there, and is refused then "
                         "unless --allow-uid names the user");
-  paths_.push_back({.path = std::move(path), .endpoint = endpoint.text, .fault = {}});
+  paths_.push_back({.path = std::move(path), .endpoint = endpoint.text});
 }
 
 void Router::listen_at(SocketPath& path, const std::string& endpoint) {
@@ -232,11 +232,7 @@ bool Router::answer_one(const Handler& handler) {
   }
   message.user = user != nullptr ? user : "";
   if (!options_.curve_secret_key.empty() && user != nullptr) remember_connection(message);
-  const Answer answer = ask(handler, message);
-  if (answer.kind != Answer::Kind::kDone)
-    hold(std::move(next_), answer.kind);
-  else if (answer.count != 0)
-    send(message.peer, answer);
+  ask(handler, next_);
   return true;
 }
 
@@ -261,11 +257,16 @@ std::size_t Router::end_connections(const std::function<bool(std::string_view us
   return ended;
 }
 
-Answer Router::ask(const Handler& handler, const Message& message) {
+// Hands the message to the handler, and keeps it if the handler wants it again.
+void Router::ask(const Handler& handler, std::unique_ptr<Message>& message) {
   std::array<std::span<const std::byte>, kMaxFrames + 1> views;
-  for (std::size_t i = 0; i < message.count; ++i)
-    views[i] = {static_cast<const std::byte*>(message.frames[i].data()), message.frames[i].size()};
-  return handler(Frames(views.data(), message.count), message.user);
+  for (std::size_t i = 0; i < message->count; ++i)
+    views[i] = {static_cast<const std::byte*>(message->frames[i].data()), message->frames[i].size()};
+  const Answer answer = handler(Frames(views.data(), message->count), message->user);
+  if (answer.kind != Answer::Kind::kDone)
+    hold(std::move(message), answer.kind);
+  else if (answer.count != 0)
+    send(message->peer, answer);
 }
 
 void Router::hold(std::unique_ptr<Message> message, Answer::Kind kind) {
@@ -286,13 +287,7 @@ void Router::answer_held(const Handler& handler) {
   std::deque<std::unique_ptr<Message>> held = std::move(held_);
   held_.clear();
   waiting_ = waiting_bytes_ = 0;
-  for (std::unique_ptr<Message>& message : held) {
-    const Answer answer = ask(handler, *message);
-    if (answer.kind != Answer::Kind::kDone)
-      hold(std::move(message), answer.kind);
-    else if (answer.count != 0)
-      send(message->peer, answer);
-  }
+  for (std::unique_ptr<Message>& message : held) ask(handler, message);
 }
 
 bool Router::receive(zmq::message_t& frame) {

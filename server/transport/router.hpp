@@ -134,7 +134,7 @@ class Router {
   void guard(Peer::Way way);  // makes the access handler judge every peer of the endpoint that is bound next
   bool answer_one(const Handler& handler);
   void remember_connection(Message& message);
-  Answer ask(const Handler& handler, const Message& message);
+  void ask(const Handler& handler, std::unique_ptr<Message>& message);
   void hold(std::unique_ptr<Message> message, Answer::Kind kind);
   void bind_socket(const std::string& endpoint);
   void process_events();
