@@ -251,16 +251,11 @@ def fortran_members(what, kinds, shape):
     return lines
 
 
-def fortran_places(what):
+def fortran_visits(what):
     form = {**dict.fromkeys(FAR_FIELD_FORM, "far_field"), **{c.quantity: "stick_form" for c in what.columns if c.macro == "STICK"}}
     role = {"Output": "answered", "Ledger": "in_ledger"}
-    rows = [f"column_place('{name}', {c.number}, {component}, {role.get(c.kind) or form.get(c.quantity, 'of_all_forms')})"
+    return [f"    call show(self%{name}, '{name}', {c.number}, {component}, {role.get(c.kind) or form.get(c.quantity, 'of_all_forms')})"
             for c, component, name in fortran_columns(what, STEP)]
-    return ["  type(column_place), parameter :: places(columns_of_steps) = [ &", *(f"    {row}, &" for row in rows[:-1]), f"    {rows[-1]}]"]
-
-
-def fortran_visits(what):
-    return [f"    if (is_next(visitor, allocated(self%{name}))) call visitor%visit(self%{name})" for _, _, name in fortran_columns(what, STEP)]
 
 
 def fortran_profiles(what):
@@ -323,10 +318,7 @@ def contract_inc(what):
     lines = ["! Printed by proto/print_contract.py from shearbus/v1/*.proto, wire/columns.inc and shearbus.h; shearbus.f90 includes it.", "",
              "  ! Values of regime, bits of outcome, and codes of faults, which are those of shearbus.h.", *fortran_numbers(what), *fortran_sizes(what), "",
              "  type :: columns_of_a_step", *fortran_members(what, STEP, "(:)"), "  end type",
-             "  type :: columns_of_a_profile", *fortran_members(what, LAYER, "(:, :)"), "  end type", "",
-             "  ! What a column is: an input of one form or of all, a column of the answer, or of its energy ledger.",
-             "  integer, parameter :: of_all_forms = 0, far_field = 1, stick_form = 2, answered = 3, in_ledger = 4",
-             "  type :: column_place", "    character(len=32) :: name", "    integer :: field, component, role", "  end type", *fortran_places(what), ""]
+             "  type :: columns_of_a_profile", *fortran_members(what, LAYER, "(:, :)"), "  end type", ""]
     for name, members in what.structs.items():
         if name in used:
             rows = [fortran_member(member, name not in OF_STEPS) for member in members]

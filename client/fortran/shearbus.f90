@@ -248,10 +248,16 @@ module shearbus
   type :: column_pointer
     real(real64), pointer :: values(:)
   end type
+  ! What a column is: an input of one form or of all, a column of the answer, or of its energy ledger.
+  integer, parameter :: of_all_forms = 0, far_field = 1, stick_form = 2, answered = 3, in_ledger = 4
+  type :: column_place
+    character(len=32) :: name
+    integer :: field, component, role
+  end type
   ! A pass over the columns of doubles of an interface, which each_column makes: over the allocated ones, or over all.
   type, abstract :: column_visitor
     logical :: all
-    integer :: at                                      ! the place of the column that is visited
+    type(column_place) :: place                        ! of the column that is visited
   contains
     procedure(visit_column), deferred :: visit
   end type
@@ -632,13 +638,12 @@ contains
   subroutine fit(visitor, column)
     class(columns_to_fit), intent(inout), target :: visitor
     real(real64), allocatable, target, intent(inout) :: column(:)
-    type(column_place) :: place
     integer :: use
     if (allocated(column)) deallocate (column)
-    place = places(visitor%at)
-    if (place%component == 1 .and. visitor%fields(0, 3) /= 2) return
-    use = merge(2, 0, place%role >= answered)
-    if (any(visitor%fields(1:visitor%fields(0, use), use) == place%field)) allocate (column(visitor%n), source=unset())
+    if (visitor%place%component == 1 .and. visitor%fields(0, 3) /= 2) return
+    use = merge(2, 0, visitor%place%role >= answered)
+    if (any(visitor%fields(1:visitor%fields(0, use), use) == visitor%place%field)) &
+      allocate (column(visitor%n), source=unset())
   end subroutine
 
   function unset() result(value)
@@ -646,65 +651,65 @@ contains
     value = ieee_value(value, ieee_quiet_nan)
   end function
 
-  ! Counts a column, and returns whether the visitor wants it.
-  logical function is_next(visitor, there)
-    class(column_visitor), intent(inout) :: visitor
-    logical, intent(in) :: there
-    visitor%at = visitor%at + 1
-    is_next = there .or. visitor%all
-  end function
-
   ! Shows each column of doubles to a visitor.
   subroutine each_column(self, visitor)
     type(shearbus_interface), intent(inout), target :: self
     class(column_visitor), intent(inout), target :: visitor
-    visitor%at = 0
     ! print_contract.py: visits
-    if (is_next(visitor, allocated(self%jump))) call visitor%visit(self%jump)
-    if (is_next(visitor, allocated(self%jump2))) call visitor%visit(self%jump2)
-    if (is_next(visitor, allocated(self%pressure))) call visitor%visit(self%pressure)
-    if (is_next(visitor, allocated(self%stress_soft))) call visitor%visit(self%stress_soft)
-    if (is_next(visitor, allocated(self%stress_soft2))) call visitor%visit(self%stress_soft2)
-    if (is_next(visitor, allocated(self%stress_hard))) call visitor%visit(self%stress_hard)
-    if (is_next(visitor, allocated(self%stress_hard2))) call visitor%visit(self%stress_hard2)
-    if (is_next(visitor, allocated(self%mass_soft))) call visitor%visit(self%mass_soft)
-    if (is_next(visitor, allocated(self%mass_hard))) call visitor%visit(self%mass_hard)
-    if (is_next(visitor, allocated(self%soft_shear_rate))) call visitor%visit(self%soft_shear_rate)
-    if (is_next(visitor, allocated(self%soft_plastic_strain_rate))) call visitor%visit(self%soft_plastic_strain_rate)
-    if (is_next(visitor, allocated(self%soft_plastic_strain_rate2))) call visitor%visit(self%soft_plastic_strain_rate2)
-    if (is_next(visitor, allocated(self%stick_stress))) call visitor%visit(self%stick_stress)
-    if (is_next(visitor, allocated(self%stick_stress2))) call visitor%visit(self%stick_stress2)
-    if (is_next(visitor, allocated(self%impedance))) call visitor%visit(self%impedance)
-    if (is_next(visitor, allocated(self%stress))) call visitor%visit(self%stress)
-    if (is_next(visitor, allocated(self%stress2))) call visitor%visit(self%stress2)
-    if (is_next(visitor, allocated(self%slip))) call visitor%visit(self%slip)
-    if (is_next(visitor, allocated(self%slip2))) call visitor%visit(self%slip2)
-    if (is_next(visitor, allocated(self%temperature))) call visitor%visit(self%temperature)
-    if (is_next(visitor, allocated(self%jump_new))) call visitor%visit(self%jump_new)
-    if (is_next(visitor, allocated(self%jump_new2))) call visitor%visit(self%jump_new2)
-    if (is_next(visitor, allocated(self%friction_heat))) call visitor%visit(self%friction_heat)
-    if (is_next(visitor, allocated(self%mean_shear_stress))) call visitor%visit(self%mean_shear_stress)
-    if (is_next(visitor, allocated(self%mean_shear_stress2))) call visitor%visit(self%mean_shear_stress2)
-    if (is_next(visitor, allocated(self%stress_per_jump))) call visitor%visit(self%stress_per_jump)
-    if (is_next(visitor, allocated(self%stress_per_pressure))) call visitor%visit(self%stress_per_pressure)
-    if (is_next(visitor, allocated(self%time_to_melting))) call visitor%visit(self%time_to_melting)
-    if (is_next(visitor, allocated(self%interface_work))) call visitor%visit(self%interface_work)
-    if (is_next(visitor, allocated(self%heat_to_soft))) call visitor%visit(self%heat_to_soft)
-    if (is_next(visitor, allocated(self%heat_to_hard))) call visitor%visit(self%heat_to_hard)
-    if (is_next(visitor, allocated(self%plastic_work))) call visitor%visit(self%plastic_work)
-    if (is_next(visitor, allocated(self%stored_heat_soft))) call visitor%visit(self%stored_heat_soft)
-    if (is_next(visitor, allocated(self%stored_heat_hard))) call visitor%visit(self%stored_heat_hard)
-    if (is_next(visitor, allocated(self%elastic_energy))) call visitor%visit(self%elastic_energy)
-    if (is_next(visitor, allocated(self%heat_residual))) call visitor%visit(self%heat_residual)
-    if (is_next(visitor, allocated(self%energy_residual))) call visitor%visit(self%energy_residual)
-    if (is_next(visitor, allocated(self%error_estimate))) call visitor%visit(self%error_estimate)
-    if (is_next(visitor, allocated(self%closure))) call visitor%visit(self%closure)
-    if (is_next(visitor, allocated(self%closure2))) call visitor%visit(self%closure2)
-    if (is_next(visitor, allocated(self%film_thickness))) call visitor%visit(self%film_thickness)
-    if (is_next(visitor, allocated(self%mean_far_stress))) call visitor%visit(self%mean_far_stress)
-    if (is_next(visitor, allocated(self%friction_energy_soft))) call visitor%visit(self%friction_energy_soft)
-    if (is_next(visitor, allocated(self%friction_energy_hard))) call visitor%visit(self%friction_energy_hard)
+    call show(self%jump, 'jump', 10, 0, of_all_forms)
+    call show(self%jump2, 'jump2', 10, 1, of_all_forms)
+    call show(self%pressure, 'pressure', 11, 0, of_all_forms)
+    call show(self%stress_soft, 'stress_soft', 12, 0, far_field)
+    call show(self%stress_soft2, 'stress_soft2', 12, 1, far_field)
+    call show(self%stress_hard, 'stress_hard', 13, 0, far_field)
+    call show(self%stress_hard2, 'stress_hard2', 13, 1, far_field)
+    call show(self%mass_soft, 'mass_soft', 14, 0, far_field)
+    call show(self%mass_hard, 'mass_hard', 15, 0, far_field)
+    call show(self%soft_shear_rate, 'soft_shear_rate', 16, 0, of_all_forms)
+    call show(self%soft_plastic_strain_rate, 'soft_plastic_strain_rate', 17, 0, of_all_forms)
+    call show(self%soft_plastic_strain_rate2, 'soft_plastic_strain_rate2', 17, 1, of_all_forms)
+    call show(self%stick_stress, 'stick_stress', 18, 0, stick_form)
+    call show(self%stick_stress2, 'stick_stress2', 18, 1, stick_form)
+    call show(self%impedance, 'impedance', 19, 0, stick_form)
+    call show(self%stress, 'stress', 30, 0, answered)
+    call show(self%stress2, 'stress2', 30, 1, answered)
+    call show(self%slip, 'slip', 31, 0, answered)
+    call show(self%slip2, 'slip2', 31, 1, answered)
+    call show(self%temperature, 'temperature', 32, 0, answered)
+    call show(self%jump_new, 'jump_new', 33, 0, answered)
+    call show(self%jump_new2, 'jump_new2', 33, 1, answered)
+    call show(self%friction_heat, 'friction_heat', 36, 0, answered)
+    call show(self%mean_shear_stress, 'mean_shear_stress', 37, 0, answered)
+    call show(self%mean_shear_stress2, 'mean_shear_stress2', 37, 1, answered)
+    call show(self%stress_per_jump, 'stress_per_jump', 38, 0, answered)
+    call show(self%stress_per_pressure, 'stress_per_pressure', 39, 0, answered)
+    call show(self%time_to_melting, 'time_to_melting', 49, 0, answered)
+    call show(self%interface_work, 'interface_work', 40, 0, in_ledger)
+    call show(self%heat_to_soft, 'heat_to_soft', 41, 0, in_ledger)
+    call show(self%heat_to_hard, 'heat_to_hard', 42, 0, in_ledger)
+    call show(self%plastic_work, 'plastic_work', 43, 0, in_ledger)
+    call show(self%stored_heat_soft, 'stored_heat_soft', 44, 0, in_ledger)
+    call show(self%stored_heat_hard, 'stored_heat_hard', 45, 0, in_ledger)
+    call show(self%elastic_energy, 'elastic_energy', 46, 0, in_ledger)
+    call show(self%heat_residual, 'heat_residual', 47, 0, in_ledger)
+    call show(self%energy_residual, 'energy_residual', 48, 0, in_ledger)
+    call show(self%error_estimate, 'error_estimate', 60, 0, answered)
+    call show(self%closure, 'closure', 61, 0, answered)
+    call show(self%closure2, 'closure2', 61, 1, answered)
+    call show(self%film_thickness, 'film_thickness', 62, 0, answered)
+    call show(self%mean_far_stress, 'mean_far_stress', 63, 0, answered)
+    call show(self%friction_energy_soft, 'friction_energy_soft', 70, 0, answered)
+    call show(self%friction_energy_hard, 'friction_energy_hard', 71, 0, answered)
     ! print_contract.py: end
+  contains
+    subroutine show(column, name, field, component, role)
+      real(real64), allocatable, target, intent(inout) :: column(:)
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: field, component, role
+      if (.not. (allocated(column) .or. visitor%all)) return
+      visitor%place = column_place(name, field, component, role)
+      call visitor%visit(column)
+    end subroutine
   end subroutine
 
   subroutine want(self, names, stat, msg)
@@ -736,8 +741,8 @@ contains
     class(columns_to_want), intent(inout), target :: visitor
     real(real64), allocatable, target, intent(inout) :: column(:)
     logical :: meant
-    meant = places(visitor%at)%name == visitor%name
-    if (visitor%name == 'ledger') meant = places(visitor%at)%role == in_ledger
+    meant = visitor%place%name == visitor%name
+    if (visitor%name == 'ledger') meant = visitor%place%role == in_ledger
     if (.not. meant) return
     visitor%found = .true.
     if (.not. allocated(column)) allocate (column(visitor%n), source=unset())
@@ -1001,29 +1006,24 @@ contains
   subroutine add_to_step(visitor, column)
     class(columns_of_step), intent(inout), target :: visitor
     real(real64), allocatable, target, intent(inout) :: column(:)
-    type(column_place) :: place
-    place = places(visitor%at)
-    if (place%role == merge(far_field, stick_form, visitor%stick)) return
-    if (size(column) /= visitor%n) call refuse(visitor%code, visitor%status, trim(place%name), size(column), visitor%n)
+    type(c_ptr) :: values
+    if (visitor%place%role == merge(far_field, stick_form, visitor%stick)) return
+    if (size(column) /= visitor%n) call refuse(visitor%code, visitor%status, trim(visitor%place%name), size(column), visitor%n)
     if (visitor%code /= 0) return
-    if (place%role < answered) then
+    values = c_loc(visitor%nothing)
+    if (visitor%count > 0 .and. .not. visitor%masked) values = c_loc(column)
+    if (visitor%place%role < answered) then
       visitor%n_in = visitor%n_in + 1
-      visitor%inputs(visitor%n_in) = c_input(place%field, place%component, c_loc(visitor%nothing), 0)
       if (visitor%masked) then
         visitor%in(:visitor%count, visitor%n_in) = column(visitor%rows)
-        visitor%inputs(visitor%n_in)%values = c_loc(visitor%in(1, visitor%n_in))
-      else if (visitor%count > 0) then
-        visitor%inputs(visitor%n_in)%values = c_loc(column)
+        values = c_loc(visitor%in(1, visitor%n_in))
       end if
+      visitor%inputs(visitor%n_in) = c_input(visitor%place%field, visitor%place%component, values, 0)
     else
       visitor%n_out = visitor%n_out + 1
-      visitor%outputs(visitor%n_out) = c_output(place%field, place%component, c_loc(visitor%nothing), 0)
       visitor%answers(visitor%n_out)%values => column
-      if (visitor%masked) then
-        visitor%outputs(visitor%n_out)%values = c_loc(visitor%out(1, visitor%n_out))
-      else if (visitor%count > 0) then
-        visitor%outputs(visitor%n_out)%values = c_loc(column)
-      end if
+      if (visitor%masked) values = c_loc(visitor%out(1, visitor%n_out))
+      visitor%outputs(visitor%n_out) = c_output(visitor%place%field, visitor%place%component, values, 0)
     end if
   end subroutine
 
