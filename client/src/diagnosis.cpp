@@ -10,18 +10,20 @@ constexpr double kRelative = 1e-6;  // accepted error of a velocity jump, relati
 constexpr double kAbsolute = 1e-6;  // accepted error of a velocity jump in addition to kRelative  [m/s]
 constexpr double kRounding = 1e-8;  // relative error of a velocity jump as a difference of far larger velocities
 
-// A mistake of a host, described by wrong factors on the terms from which it computes its new velocity jump; a correct
-// host has only factors of 1. `crossed`: each far stress acts on the mass of the other body.
+// A mistake of a host, described by wrong factors on what it computes its new velocity jump from; a correct host has only
+// factors of 1. `crossed`: each far stress acts on the mass of the other body.
 struct FarField {
   const char* text = nullptr;
-  double jump = 1.0, soft = 1.0, hard = 1.0;  // factors on the old jump, stress_soft, stress_hard
-  double to_soft = 1.0, to_hard = 1.0;        // factors on the answered stress on the soft and hard body
+  double soft = 1.0, hard = 1.0;            // stress_soft, stress_hard
+  double to_soft = 1.0, to_hard = 1.0;      // the answered stress on the soft and hard body
+  double mass_soft = 1.0, mass_hard = 1.0;  // masses
   bool crossed = false;
 
   double new_jump(const Row& row, double dt) const {
-    const double own = soft * row.stress_soft / (crossed ? row.mass_hard : row.mass_soft) +
-                       hard * row.stress_hard / (crossed ? row.mass_soft : row.mass_hard);
-    return jump * row.jump + dt * own - dt * row.stress * (to_soft / row.mass_soft + to_hard / row.mass_hard);
+    const double of_soft = mass_soft * row.mass_soft, of_hard = mass_hard * row.mass_hard;
+    const double own =
+        soft * row.stress_soft / (crossed ? of_hard : of_soft) + hard * row.stress_hard / (crossed ? of_soft : of_hard);
+    return row.jump + dt * own - dt * row.stress * (to_soft / of_soft + to_hard / of_hard);
   }
 };
 
@@ -58,11 +60,7 @@ constexpr FarField kFarField[] = {
     {.text = "stress_soft has the wrong sign", .soft = -1.0},
     {.text = "stress_hard has the wrong sign", .hard = -1.0},
     {.text = "stress_soft and stress_hard both have the wrong sign", .soft = -1.0, .hard = -1.0},
-    {.text = "velocity_jump has the wrong sign: it is V_soft - V_hard",
-     .soft = -1.0,
-     .hard = -1.0,
-     .to_soft = -1.0,
-     .to_hard = -1.0},
+    {.text = "velocity_jump has the wrong sign: it is V_soft - V_hard", .mass_soft = -1.0, .mass_hard = -1.0},
     {.text = "the two sides of the stresses, or of the masses, are swapped", .crossed = true},
     {.text =
          "the answered stress is applied with the wrong sign: it pulls the soft body back where the jump is positive",
@@ -73,20 +71,12 @@ constexpr FarField kFarField[] = {
     {.text = "the answered stress is not applied", .to_soft = 0.0, .to_hard = 0.0},
     {.text = "the answered stress is applied with the wrong sign to the soft body", .to_soft = -1.0},
     {.text = "the answered stress is applied with the wrong sign to the hard body", .to_hard = -1.0},
-    {.text = "both masses must be twice those sent, or dt_s half of that sent",
-     .soft = 0.5,
-     .hard = 0.5,
-     .to_soft = 0.5,
-     .to_hard = 0.5},
-    {.text = "both masses must be half of those sent, or dt_s twice that sent",
-     .soft = 2.0,
-     .hard = 2.0,
-     .to_soft = 2.0,
-     .to_hard = 2.0},
-    {.text = "mass_soft must be twice that sent", .soft = 0.5, .to_soft = 0.5},
-    {.text = "mass_soft must be half of that sent", .soft = 2.0, .to_soft = 2.0},
-    {.text = "mass_hard must be twice that sent", .hard = 0.5, .to_hard = 0.5},
-    {.text = "mass_hard must be half of that sent", .hard = 2.0, .to_hard = 2.0},
+    {.text = "both masses must be twice those sent, or dt_s half of that sent", .mass_soft = 2.0, .mass_hard = 2.0},
+    {.text = "both masses must be half of those sent, or dt_s twice that sent", .mass_soft = 0.5, .mass_hard = 0.5},
+    {.text = "mass_soft must be twice that sent", .mass_soft = 2.0},
+    {.text = "mass_soft must be half of that sent", .mass_soft = 0.5},
+    {.text = "mass_hard must be twice that sent", .mass_hard = 2.0},
+    {.text = "mass_hard must be half of that sent", .mass_hard = 0.5},
 };
 
 // A mistake of a host that sends stick stress and impedance, described by wrong factors as in FarField. `add_jump` is 1
