@@ -24,10 +24,6 @@ void put(std::string_view text, char (&to)[kSize]) noexcept {
   to[length] = '\0';
 }
 
-}  // namespace
-
-namespace {
-
 thread_local std::string last_text;
 
 void keep_text(std::string_view text) noexcept try { last_text = text; } catch (const std::bad_alloc&) {

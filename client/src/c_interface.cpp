@@ -71,10 +71,8 @@ int shearbus_rollback_to(shearbus_session* session, const char* name, shearbus_s
 
 int shearbus_register(shearbus_session* session, size_t n, const uint64_t* node_ids,
                       const double* initial_temperature_k, shearbus_status* status) {
-  return guarded(session, status, [&] {
-    session_of(session).register_nodes(values_of(node_ids, n, "node_ids"),
-                                       {initial_temperature_k, initial_temperature_k == nullptr ? 0 : n});
-  });
+  const shearbus_nodes nodes = plain_nodes(n, node_ids, initial_temperature_k);
+  return shearbus_register_nodes(session, &nodes, status);
 }
 
 int shearbus_register_nodes(shearbus_session* session, const shearbus_nodes* nodes, shearbus_status* status) {

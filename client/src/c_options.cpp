@@ -23,20 +23,16 @@ namespace {
 
 constexpr std::size_t kLongestName = 1024;  // of a file, in a message
 
+static_assert(static_cast<int>(CheckClosure::kWarn) == SHEARBUS_CHECK_WARN);
+static_assert(static_cast<int>(CheckClosure::kOff) == SHEARBUS_CHECK_OFF);
+static_assert(static_cast<int>(CheckClosure::kError) == SHEARBUS_CHECK_ERROR);
 CheckClosure check_of(int option) {
-  switch (option) {
-    case SHEARBUS_CHECK_WARN:
-      return CheckClosure::kWarn;
-    case SHEARBUS_CHECK_OFF:
-      return CheckClosure::kOff;
-    case SHEARBUS_CHECK_ERROR:
-      return CheckClosure::kError;
-    default:
-      refuse(Code::kInvalidValue, fmt::format("check_closure is {}, expected 0 (warn), 1 (off) or 2 (error)", option),
-             "Use 'warn', 'off' or 'error' (in C and C++ SHEARBUS_CHECK_WARN, SHEARBUS_CHECK_OFF or "
-             "SHEARBUS_CHECK_ERROR).",
-             "check_closure");
-  }
+  if (option < SHEARBUS_CHECK_WARN || option > SHEARBUS_CHECK_ERROR)
+    refuse(Code::kInvalidValue, fmt::format("check_closure is {}, expected 0 (warn), 1 (off) or 2 (error)", option),
+           "Use 'warn', 'off' or 'error' (in C and C++ SHEARBUS_CHECK_WARN, SHEARBUS_CHECK_OFF or "
+           "SHEARBUS_CHECK_ERROR).",
+           "check_closure");
+  return static_cast<CheckClosure>(option);
 }
 
 std::string text_of_file(const std::string& path) try {

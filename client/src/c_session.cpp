@@ -126,7 +126,6 @@ shearbus_session::shearbus_session(const shearbus_options& options)
   const std::string endpoint = endpoint_of(options);
   embed(options, endpoint, embedded);
   ClientOptions to = client_options(options, endpoint, embedded, log);
-  check = to.check_closure;
   reply_deadline = to.reply_deadline;
   ignores_environment = options.ignore_environment != 0;
   where = embedded ? "in this process" : "at " + endpoint;
@@ -170,8 +169,7 @@ namespace shearbus {
 void settle_doubt(shearbus_session& handle) {
   if (!handle.fallback || !handle.fallback->doubt()) return;
   const StepInDoubt& doubt = *handle.fallback->doubt();
-  handle.session->wanted = doubt.wanted;
-  handle.session->advance(doubt.batch, doubt.options);
+  handle.session->step(doubt.batch, doubt.options);
   handle.fallback->settled();
 }
 
@@ -222,10 +220,7 @@ std::string lines(std::span<const std::string> texts) {
 
 int shearbus_open(shearbus_session** session, const shearbus_options* options, size_t n, const uint64_t* node_ids,
                   const double* initial_temperature_k, shearbus_status* status) {
-  shearbus_nodes nodes = SHEARBUS_NODES_INIT;
-  nodes.n = n;
-  nodes.node_ids = node_ids;
-  nodes.initial_temperature_k = initial_temperature_k;
+  const shearbus_nodes nodes = plain_nodes(n, node_ids, initial_temperature_k);
   return shearbus_open_nodes(session, options, &nodes, status);
 }
 
@@ -235,16 +230,10 @@ int shearbus_open_nodes(shearbus_session** session, const shearbus_options* opti
     const shearbus_nodes of = known(nodes, "shearbus_nodes");
     const Scene scene = scene_of(given);
     const auto ids = values_of(of.node_ids, of.n, "node_ids");
-    NodeOptions properties = properties_of(of);
+    const OpenOptions options_of_core = {
+        .nodes = properties_of(of), .domain = std::string(text_or(given.domain)), .idle_limit_s = given.idle_limit_s};
     shearbus_session& handle = handle_for(session, given, call);
-    handle.opened(handle.client->open(scene.text, scene.name, ids,
-                                      {.initial_temperature_k = properties.initial_temperature_k,
-                                       .domain = std::string(text_or(given.domain)),
-                                       .idle_limit_s = given.idle_limit_s,
-                                       .pairs = std::move(properties.pairs),
-                                       .pair = properties.pair,
-                                       .parameters = std::move(properties.parameters)}),
-                  false);
+    handle.opened(handle.client->open(scene.text, scene.name, ids, options_of_core), false);
   });
 }
 
@@ -274,7 +263,7 @@ int shearbus_close(shearbus_session** session, shearbus_status* status) {
     if (handle->fallback) tell(*handle, handle->fallback->summary());
     if (std::exchange(handle->started, false)) {
       try {
-        handle->session->finish_trial();
+        handle->session->finish();
       } catch (const Error& fault) {
         // If the step was refused, the session is closed all the same. A server that does not answer is not asked again.
         if (Fallback::is_gone(fault.status().code)) throw;

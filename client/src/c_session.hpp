@@ -39,15 +39,13 @@ struct shearbus_session {
   std::string warnings;
   shearbus::SessionTexts texts;
   shearbus::ResumedNames resumed;
-  shearbus::CheckClosure check = shearbus::CheckClosure::kWarn;
   std::uint64_t steps = 0;  // number of steps answered so far
   // The present step.
   shearbus::Batch batch;
   std::vector<shearbus::Field> batch_fields;  // columns that `batch` was made with
   std::size_t batch_rows = 0;
   std::vector<shearbus_output> outputs;
-  std::vector<shearbus::Field> wanted;  // columns of its answer
-  bool started = false;                 // true between shearbus_start() and shearbus_finish()
+  bool started = false;  // true between shearbus_start() and shearbus_finish()
   std::chrono::milliseconds reply_deadline{0};
   std::optional<shearbus::Fallback> fallback;  // set if the host has a law of its own and the user allows it
   bool ignores_environment = false;
@@ -83,6 +81,9 @@ inline Session& session_of(shearbus_session* handle, bool started = false) {
 
 void tell(const shearbus_session& handle, const std::string& line);  // to the log or standard error; nothing for ""
 
+inline shearbus_nodes plain_nodes(std::size_t n, const std::uint64_t* node_ids, const double* initial_temperature_k) {
+  return {.size = sizeof(shearbus_nodes), .n = n, .node_ids = node_ids, .initial_temperature_k = initial_temperature_k};
+}
 // The properties of new nodes. Names of pairs, keys and arrays of parameters must be there where their number says so.
 NodeOptions properties_of(const shearbus_nodes& nodes);
 

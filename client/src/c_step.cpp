@@ -116,8 +116,9 @@ bool watches_closure(const shearbus_session& handle) {
   // `steps` counts answered steps, so a call that is repeated for want of an answer asks for the same columns. The
   // bound is one step longer than that of the check.
   constexpr std::uint64_t kStepsWatched = ClosureCheck::kStepsWatched + 1;
-  return handle.check != CheckClosure::kOff && handle.session->opened.strategy == wire::Strategy::kForceDriven &&
-         (handle.check == CheckClosure::kError || handle.steps < kStepsWatched);
+  const CheckClosure check = handle.session->connection->options().check_closure;
+  return check != CheckClosure::kOff && handle.session->opened.strategy == wire::Strategy::kForceDriven &&
+         (check == CheckClosure::kError || handle.steps < kStepsWatched);
 }
 
 // Prepares the step in the session: its batch with the values of the inputs, the wanted columns, and the outputs.
@@ -164,13 +165,13 @@ StepOptions prepare(shearbus_session& handle, const shearbus_request& request) {
   if (!wanted.empty() && watches_closure(handle))
     for (const Field field : {Field::kVelocityJumpNew, Field::kShearStress, Field::kOutcome})
       if (!contains(wanted, field)) wanted.push_back(field);
-  session.wanted = wanted;
-  handle.wanted = std::move(wanted);
   return {.dt_s = request.dt_s,
           .time_s = request.time_s,
           .step = request.step,
           .attempt = request.attempt,
+          .mode = request.mode == SHEARBUS_TRIAL ? wire::Mode::kTrial : wire::Mode::kAdvance,
           .commit_previous = request.commit_previous != 0,
+          .wanted = std::move(wanted),
           .policy = request.all_or_nothing != 0 ? Policy::kAllOrNothing : Policy::kAccept,
           .absent_nodes = request.open_absent != 0 ? AbsentNodes::kOpen : AbsentNodes::kKeep};
 }
@@ -226,11 +227,11 @@ void deliver(shearbus_session& handle, const StepResult& answer, shearbus_result
         .state_version = upscale.state_version,
         .solver_ns = upscale.solver_ns,
         .service_ns = upscale.service_ns,
-        .round_trip_ns = static_cast<std::uint64_t>(answer.round_trip().count()),
+        .round_trip_ns = static_cast<std::uint64_t>(answer.round_trip.count()),
         .largest_closure_m_per_s = upscale.largest_closure_m_per_s,
         .closure_node = upscale.closure_node,
         .layer_time_s = upscale.layer_time_s,
-        .replayed = answer.replayed()},
+        .replayed = answer.reply.replayed},
        result);
 }
 
@@ -267,7 +268,7 @@ void step_or_fall_back(shearbus_session& handle, const shearbus_request& given, 
     if (!Fallback::is_gone(fault.status().code)) throw;
     std::optional<StepInDoubt> doubt;
     if (asked && fault.status().code == Code::kUnknownOutcome)
-      doubt.emplace(StepInDoubt{std::move(handle.batch), options, handle.wanted});
+      doubt.emplace(StepInDoubt{std::move(handle.batch), options});
     if (doubt) handle.batch_fields.clear();  // the batch of the next step is made anew
     return tell(handle, fallback.answer(given, fault.status(), std::move(doubt), result));
   }
@@ -287,11 +288,7 @@ int shearbus_step(shearbus_session* session, const shearbus_request* request, sh
     const shearbus_request given = known(request, "shearbus_request");
     check_result(result);
     const auto ask = [&](const StepOptions& options) {
-      Session& open = *session->session;
-      const auto step = [&]() -> const StepResult& {
-        return given.mode == SHEARBUS_TRIAL ? open.trial(session->batch, options)
-                                            : open.advance(session->batch, options);
-      };
+      const auto step = [&]() -> const StepResult& { return session->session->step(session->batch, options); };
       deliver(*session, with_columns(*session, step), result);
     };
     if (session->fallback && given.mode == SHEARBUS_ADVANCE && !session->started)
@@ -336,12 +333,7 @@ int shearbus_start(shearbus_session* session, const shearbus_request* request, s
     Session& open = session_of(session);
     const shearbus_request given = known(request, "shearbus_request");
     const StepOptions options = prepare(*session, given);
-    with_columns(*session, [&] {
-      if (given.mode == SHEARBUS_TRIAL)
-        open.start_trial(session->batch, options);
-      else
-        open.start_advance(session->batch, options);
-    });
+    with_columns(*session, [&] { open.start(session->batch, options); });
     session->started = true;
   });
 }
@@ -351,7 +343,7 @@ int shearbus_finish(shearbus_session* session, shearbus_result* result, shearbus
     Session& open = session_of(session, true);
     check_result(result);
     session->started = false;
-    deliver(*session, with_columns(*session, [&]() -> const StepResult& { return open.finish_trial(); }), result);
+    deliver(*session, with_columns(*session, [&]() -> const StepResult& { return open.finish(); }), result);
   });
 }
 
@@ -375,14 +367,15 @@ int shearbus_profiles(shearbus_session* session, size_t n, const uint64_t* node_
       check_stride(output.field, output.component, output.stride_bytes);
     }
     const std::size_t room = *vertices;
-    const Profiles profiles = session_of(session).profiles(ids, std::span(pressure_pa, pressure_pa == nullptr ? 0 : n));
+    const Received answer = session_of(session).profiles(ids, std::span(pressure_pa, pressure_pa == nullptr ? 0 : n));
+    const auto& profiles = std::get<wire::Profiles>(answer.reply.body);
     *vertices = profiles.vertices;
     if (room < profiles.vertices && n_outputs > 0)
       refuse(Code::kShape,
              fmt::format("a profile has {} vertices, and the arrays have room for {}", profiles.vertices, room),
              "Make the arrays larger, and make the call again.", "vertices");
     for (const shearbus_output& output : wanted) {
-      const std::span<const double> values = profiles.of(static_cast<Field>(output.field), output.component);
+      const auto values = answer.reply.batch.f64(static_cast<Field>(output.field), output.component);
       const std::ptrdiff_t stride = output.stride_bytes == 0 ? std::ptrdiff_t{sizeof(double)} : output.stride_bytes;
       auto* at = static_cast<char*>(output.values);
       for (std::size_t row = 0; row < profiles.nodes * profiles.vertices; ++row, at += stride) {

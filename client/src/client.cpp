@@ -20,6 +20,15 @@ bool same_bytes(const wire::Request& a, const wire::Request& b) {
   return wire::encode_header(a) == wire::encode_header(b) && std::ranges::equal(a.batch.bytes(), b.batch.bytes());
 }
 
+// Refuses what a server that lacks the capability would ignore without a word.
+void require(const wire::Welcome& welcome, const char* capability, bool asked) {
+  if (!asked || std::ranges::find(welcome.capabilities, capability) != welcome.capabilities.end()) return;
+  throw Error({.code = Code::kUnsupported,
+               .text = fmt::format("the server (version {}) has no {}", welcome.server_version, capability),
+               .remedy = "Use a newer server.",
+               .field = capability});
+}
+
 }  // namespace
 
 Client::Client(ClientOptions options) : Client(connect_to(std::move(options))) {}
@@ -31,10 +40,7 @@ Client::Client(std::shared_ptr<Connection> connection) : connection_(std::move(c
   try {
     Received received = connection_->call(request, connection_->options().connect_deadline);
     welcome_ = std::move(body_of<wire::Welcome>(received));
-    connection_->set_durable(welcome_.durability != "none");
-    connection_->set_max_rows(welcome_.limits.max_rows_per_message);
-    connection_->set_parts_ahead(std::ranges::find(welcome_.capabilities, "parts_ahead") !=
-                                 welcome_.capabilities.end());
+    connection_->heed(welcome_);
   } catch (const Error& fault) {
     if (fault.status().code != Code::kUnknownOutcome) throw;
     // `hello` changes nothing on the server, so its unknown outcome means that no server answered.
@@ -60,34 +66,16 @@ void Client::set_reply_deadline(std::chrono::milliseconds deadline) {
   connection_->set_reply_deadline(deadline);
 }
 
-namespace {
-
-// Refuses what a server that lacks the capability would ignore without a word.
-void require(const wire::Welcome& welcome, const char* capability, bool asked) {
-  if (!asked || std::ranges::find(welcome.capabilities, capability) != welcome.capabilities.end()) return;
-  throw Error({.code = Code::kUnsupported,
-               .text = fmt::format("the server (version {}) has no {}", welcome.server_version, capability),
-               .remedy = "Use a newer server.",
-               .field = capability});
-}
-
-}  // namespace
-
 Session Client::open(std::string scene, std::string scene_file, std::span<const std::uint64_t> node_ids,
                      const OpenOptions& options) {
   require(welcome_, "idle_limit", options.idle_limit_s != 0);
-  require(welcome_, "pairs", !options.pairs.empty());
-  require(welcome_, "parameters", !options.parameters.empty());
+  require(welcome_, "pairs", !options.nodes.pairs.empty());
+  require(welcome_, "parameters", !options.nodes.parameters.empty());
   wire::Request request;
   auto& opening = request.body.emplace<wire::OpenSession>();
-  for (const NodeOptions::Parameter& parameter : options.parameters) opening.parameters.push_back(parameter.key);
-  request.batch = new_nodes(node_ids,
-                            {.initial_temperature_k = options.initial_temperature_k,
-                             .pairs = options.pairs,
-                             .pair = options.pair,
-                             .parameters = options.parameters},
-                            opening.parameters);
-  opening.pairs = options.pairs;
+  for (const NodeOptions::Parameter& parameter : options.nodes.parameters) opening.parameters.push_back(parameter.key);
+  request.batch = new_nodes(node_ids, options.nodes, opening.parameters);
+  opening.pairs = options.nodes.pairs;
   opening.scene = std::move(scene);
   opening.scene_file = std::move(scene_file);
   opening.domain = options.domain;

@@ -1,22 +1,10 @@
-// The C++ client of the shearbus subgrid service.
+// Internal to the client library: a client of a server, and the sessions that it opens. Hosts and programs use the classes
+// of client/include/shearbus/client.hpp.
 //
-//   shearbus::Client client({.endpoint = "ipc:///run/user/1000/shearbus/bus"});
-//   shearbus::Session session = client.open(scene_text, "scene.toml", node_ids);
-//   auto request = session.request();                       // columns of the scene's strategy, to be filled in
-//   std::ranges::copy(jumps, request.f64(Field::kVelocityJump).begin());
-//   const shearbus::StepResult& result = session.advance(request, {.dt_s = 1e-9});
-//   result.shear_stress_pa(); ...
-//
-// Every call has a deadline and throws shearbus::Error on failure: the code and text of the server's refusal,
-// kUnreachable, kAuth (the server does not admit this client), kUnknownOutcome (no reply before the deadline, retries
-// included: the step may or may not have run), kUnexpectedReply or kNotClosed (ClientOptions::check_closure). After
-// kUnknownOutcome the same call with the same values is the same request: if the request has run, the server does not
-// run it again and sends the kept reply. The server refuses a different call with kSequenceReused if the lost request
-// has run; the session then continues after the lost request.
-//
-// The sessions of a durable server (welcome().durability) outlive the server: calls wait for the restarted server until
-// their deadline and then continue. They throw kEpoch if the server was restored with older states.
-// A client and its sessions belong to one thread; different clients are independent. All quantities are in SI units.
+// Every call throws Error with the code of the server's refusal or one of a client; shearbus.h says what they mean, and
+// what a repeated call does. The sessions of a durable server (welcome().durability) outlive the server: calls wait for
+// the restarted server until their deadline and then continue. They throw kEpoch if it was restored with older states.
+// A client and its sessions belong to one thread; different clients are independent.
 #pragma once
 
 #include <chrono>

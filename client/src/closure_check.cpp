@@ -102,7 +102,7 @@ void ClosureCheck::compare(const Batch& request, std::span<const std::uint64_t> 
 }
 
 void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire::Upscale& upscale,
-                            const StepOptions& step, wire::Mode mode) noexcept try {
+                            const StepOptions& step) noexcept try {
   for (const std::string& warning : upscale.warnings) {
     const std::string field = warning.substr(0, warning.find(':'));
     if (skips_clock_ && field == "time_s") continue;
@@ -149,7 +149,7 @@ void ClosureCheck::answered(const Batch& request, const Batch& reply, const wire
     for (std::size_t row = 0; row < outcome.size(); ++row) trial_.failed[row] = (outcome[row] & wire::kFailed) != 0;
     keep_before();
   }
-  if (mode == wire::Mode::kAdvance) committed();
+  if (step.mode == wire::Mode::kAdvance) committed();
 } catch (const std::exception&) {
   forget();
 }

@@ -27,8 +27,8 @@ class ClosureCheck {
   void compare(const Batch& request, std::span<const std::uint64_t> node_ids, const StepOptions& step);
   // Keeps a request and its answer, and passes on the server's warnings, the first one for each field. Throws nothing,
   // because the step has run: if memory runs out, the check skips the next step.
-  void answered(const Batch& request, const Batch& reply, const wire::Upscale& upscale, const StepOptions& step,
-                wire::Mode mode) noexcept;
+  void answered(const Batch& request, const Batch& reply, const wire::Upscale& upscale,
+                const StepOptions& step) noexcept;
   void committed();    // the kept trial step becomes the last step
   void rolled_back();  // drops the kept trial step
   void ended();        // the session ends: shows a warning that waited for another step

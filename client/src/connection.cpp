@@ -225,6 +225,12 @@ std::chrono::milliseconds Connection::left_since(Clock::time_point started) cons
   return std::max(left, std::chrono::milliseconds(1));
 }
 
+void Connection::heed(const wire::Welcome& welcome) {
+  durable_ = welcome.durability != "none";
+  set_max_rows(welcome.limits.max_rows_per_message);
+  parts_ahead_ = std::ranges::find(welcome.capabilities, "parts_ahead") != welcome.capabilities.end();
+}
+
 void Connection::pause(std::chrono::milliseconds time) {
   std::this_thread::sleep_for(time);
 }
@@ -292,6 +298,18 @@ bool SocketConnection::server_has_moved() const {
 bool SocketConnection::connect() {
   refusal_ = {};
   if (!find_server()) return false;
+  // At such a file libzmq would go on trying for ever.
+  const bool ipc = server_.endpoint.starts_with("ipc://");
+  const std::string path = ipc ? server_.endpoint.substr(std::strlen("ipc://")) : "";
+  struct stat found {};
+  if (ipc && ::stat(path.c_str(), &found) == 0 && !S_ISSOCK(found.st_mode))
+    refuse_endpoint(where_ + ": expected the socket of a server, found another file or a directory", kAddresses);
+  if (ipc && ::faccessat(AT_FDCWD, path.c_str(), W_OK, AT_EACCESS) != 0 && errno == EACCES)
+    throw Error({.code = Code::kAuth,
+                 .text = fmt::format("{}: uid {} may not connect there", where_, ::geteuid()),
+                 .remedy = fmt::format("Run as the server's user, or have it started with --allow-uid {}, in a "
+                                       "directory that other users can enter.",
+                                       ::geteuid())});
   frames_read_ = 0;
   socket_.reset(new_socket(ZMQ_DEALER, "socket"));
   zmq::socket_ref socket(zmq::from_handle, socket_.get());
@@ -314,22 +332,6 @@ bool SocketConnection::connect() {
   file_ = socket.get(zmq::sockopt::fd);
   monitor_file_ = zmq::socket_ref(zmq::from_handle, monitor_.get()).get(zmq::sockopt::fd);
   monitor_unread_ = true;
-  // libzmq would go on trying for ever.
-  const bool ipc = server_.endpoint.starts_with("ipc://");
-  const std::string path = ipc ? server_.endpoint.substr(std::strlen("ipc://")) : "";
-  struct stat found {};
-  if (ipc && ::stat(path.c_str(), &found) == 0 && !S_ISSOCK(found.st_mode)) {
-    socket_.reset();
-    refuse_endpoint(where_ + ": expected the socket of a server, found another file or a directory", kAddresses);
-  }
-  if (ipc && ::faccessat(AT_FDCWD, path.c_str(), W_OK, AT_EACCESS) != 0 && errno == EACCES) {
-    socket_.reset();
-    throw Error({.code = Code::kAuth,
-                 .text = fmt::format("{}: uid {} may not connect there", where_, ::geteuid()),
-                 .remedy = fmt::format("Run as the server's user, or have it started with --allow-uid {}, in a "
-                                       "directory that other users can enter.",
-                                       ::geteuid())});
-  }
   if (wire::uninterrupted([&] { return zmq_connect(socket_.get(), server_.endpoint.c_str()); }) != 0) {
     const std::string why =
         zmq_errno() == ENAMETOOLONG

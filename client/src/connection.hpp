@@ -18,12 +18,6 @@
 
 namespace shearbus {
 
-struct Received {
-  std::shared_ptr<void> payload_frame;  // the frame that the batch of `reply` points into
-  wire::Reply reply;
-  std::chrono::nanoseconds round_trip{0};
-};
-
 // Returns the name of a request in the protocol, for instance "downscale"; empty for a request without a body.
 const char* verb_of(const wire::Request& request);
 
@@ -80,13 +74,10 @@ class Connection {
   // Most rows of a step or of one of its parts, as the server's welcome says.
   std::size_t max_rows() const { return max_rows_; }
   void set_max_rows(std::uint64_t rows) { max_rows_ = rows != 0 ? rows : wire::kMaxRowsPerMessage; }
-
-  bool durable() const { return durable_; }  // true if the server's welcome says that sessions outlive the server
-  void set_durable(bool durable) { durable_ = durable; }
-
-  // True if the server's welcome says that a part of a step may be sent before the part before it is answered.
+  bool durable() const { return durable_; }  // true if the welcome says that sessions outlive the server
+  // True if the welcome says that a part of a step may be sent before the part before it is answered.
   bool parts_ahead() const { return parts_ahead_; }
-  void set_parts_ahead(bool ahead) { parts_ahead_ = ahead; }
+  void heed(const wire::Welcome& welcome);
 
  protected:
   void leave_out_payload_sums() { payload_sum_ = wire::PayloadSum::kLeftOut; }

@@ -20,7 +20,6 @@ std::optional<std::chrono::milliseconds> fallback_patience(const std::string& te
 struct StepInDoubt {
   Batch batch;
   StepOptions options;
-  std::vector<Field> wanted;
 };
 
 class Fallback {

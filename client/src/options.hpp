@@ -25,13 +25,10 @@ using wire::Policy;
 using wire::Status;
 using wire::TransferId;
 
-// The closure check of force-driven sessions. A reply holds the stress and the velocity jump that this stress causes; a
-// host that applies the stress must therefore send this jump in its next step, except for rounding. kWarn compares the
-// two in the first 100 steps and warns once of a difference, with the likely mistake of the host, and later of one that
-// a reply tells; in sessions of both strategies it also warns of doubtful times and inputs (input_check.hpp). kError
-// throws kNotClosed in place of a step that differs. kOff, without warnings, is for hosts whose jump has other causes,
-// for instance a turning interface.
-enum class CheckClosure { kOff, kWarn, kError };
+// Whether the jumps of a force-driven host are compared with those that were answered, as SHEARBUS_CHECK_... of shearbus.h
+// says, with its numbers. Unless it is off, sessions of both strategies also warn of doubtful times and inputs
+// (input_check.hpp). kError throws kNotClosed in place of a step that differs.
+enum class CheckClosure { kWarn, kOff, kError };
 
 struct ClientOptions {
   // tcp://host:port, ipc://path, inproc://name, or file://path of a server's endpoint file. Several endpoints with a
@@ -101,74 +98,32 @@ struct ResumedNodes {
 };
 
 struct OpenOptions {
-  std::span<const double> initial_temperature_k;  // one value per node; empty: the value of the scene
+  NodeOptions nodes = {};
   // Node ids are unique among the sessions of a domain, such as the ranks of one run, and nodes can move between these
   // sessions. Empty: the session is in no domain, and must be opened with at least one node.
   std::string domain;
   std::uint64_t idle_limit_s = 0;  // the server closes the session after this time without a request; 0: never
-  // As in NodeOptions.
-  std::vector<std::string> pairs = {};
-  std::span<const std::uint64_t> pair = {};
-  std::vector<NodeOptions::Parameter> parameters = {};
 };
 
-struct StepOptions {
-  double dt_s = 0.0;
-  double time_s = 0.0;     // end of the step, for records only
-  std::uint64_t step = 0;  // the host's step number, for records only
-  std::uint32_t attempt = 0;
-  bool commit_previous = false;  // true: first commits the trial of the step before
-  // By default a node without an answer keeps its state and its row has the outcome kFailed. With kAllOrNothing the
-  // call throws kStepFailed with the ids of such nodes, and no state changes.
-  Policy policy = Policy::kAccept;
-  // Effect of a request_for() on the other nodes of the session. kOpen: they are stepped with P = 0, jump 0 and no
-  // forces, so that they cool; the result has no rows of them.
-  AbsentNodes absent_nodes = AbsentNodes::kKeep;
+// What proto/shearbus/v1/downscale.proto says of a step. A session sets its parts.
+using StepOptions = wire::Downscale;
+
+struct Received {
+  std::shared_ptr<void> payload_frame;  // the frame that the batch of `reply` points into
+  wire::Reply reply;
+  std::chrono::nanoseconds round_trip{0};
 };
 
 // The reply to a step. A column has one value per row of the request, in the order of the request, and is valid until
 // the session's next call. Tangential columns have a second component, with index 1, if the scene has
 // tangential_components = 2.
-class StepResult {
- public:
+struct StepResult : Received {
   std::span<const double> shear_stress_pa(std::uint32_t component = 0) const {
-    return reply_.batch.f64(Field::kShearStress, component);
+    return reply.batch.f64(Field::kShearStress, component);
   }
-  std::span<const double> sliding_velocity_m_per_s(std::uint32_t component = 0) const {
-    return reply_.batch.f64(Field::kSlidingVelocity, component);
-  }
-  std::span<const double> interface_temperature_k() const { return reply_.batch.f64(Field::kInterfaceTemperature); }
-  std::span<const double> velocity_jump_new_m_per_s(std::uint32_t component = 0) const {
-    return reply_.batch.f64(Field::kVelocityJumpNew, component);
-  }
-  std::span<const double> friction_heat_j_per_m2() const { return reply_.batch.f64(Field::kFrictionHeat); }
-  const Batch& batch() const { return reply_.batch; }  // all columns of the reply
-  std::span<const std::uint8_t> regime() const { return reply_.batch.u8(Field::kRegime); }
-  std::span<const std::uint8_t> outcome() const { return reply_.batch.u8(Field::kOutcome); }
-  bool replayed() const {
-    return reply_.replayed;
-  }  // true: the kept answer to a request that the server had run before
-  const wire::Upscale& upscale() const { return std::get<wire::Upscale>(reply_.body); }
-  std::chrono::nanoseconds round_trip() const { return round_trip_; }
-
- private:
-  friend struct SessionState;
-  std::shared_ptr<void> payload_frame_;  // the received frame, which the columns point into
-  wire::Reply reply_;
-  std::chrono::nanoseconds round_trip_{0};
-};
-
-// Profiles of nodes across the layer: columns kPosition to kLayerShearStress of proto/wire/columns.inc, as far as the
-// scene has them, each of shape [nodes * vertices], the vertices of a node in ascending z. Positions and widths are the
-// same for all nodes. NaN: the vertex lies outside of the layer and the quantity is one of the layer.
-struct Profiles {
-  std::size_t nodes = 0;
-  std::size_t vertices = 0;
-  std::uint64_t state_version = 0;  // number of commits that led to these states
-  Batch rows;
-
-  // The values of all nodes; empty if the scene does not have the quantity.
-  std::span<const double> of(Field field, std::uint32_t component = 0) const { return rows.f64(field, component); }
+  std::span<const double> interface_temperature_k() const { return reply.batch.f64(Field::kInterfaceTemperature); }
+  const Batch& batch() const { return reply.batch; }  // all columns of the reply
+  const wire::Upscale& upscale() const { return std::get<wire::Upscale>(reply.body); }
 };
 
 }  // namespace shearbus

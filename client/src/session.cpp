@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <random>
 
@@ -25,6 +26,12 @@ std::array<std::uint8_t, 16> random_bytes() {
   std::array<std::uint8_t, 16> bytes;
   for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(source());
   return bytes;
+}
+
+std::uint64_t hash_of(const wire::Request& request, wire::PayloadSum sum) {
+  const std::string header = wire::encode_header(request, {}, sum);
+  const std::array<std::span<const std::byte>, 1> bytes = {std::as_bytes(std::span(header))};
+  return wire::hash_of(bytes);
 }
 
 Received ask(Connection& connection, wire::Request request) {
@@ -85,8 +92,58 @@ void SessionState::keep_in_doubt(const wire::Request& request) noexcept {
   in_doubt = InDoubt{request.request_id, request.epoch, wire::xxh3(request.batch.bytes())};
 }
 
-Received SessionState::send(wire::Request& request, const std::function<void(Received&)>& accept) {
-  return exchange(std::move(request), accept);  // leaves the request as it was sent
+Received SessionState::exchange(wire::Request& request) {
+  give_id(request);
+  try {
+    Received received = call(request);
+    adopt(request, received);
+    in_doubt.reset();
+    last_sequence = request.sequence;
+    return received;
+  } catch (const Error& fault) {
+    // Codes 4xx mean "not now": after such a refusal the server may still run a second copy of the request that is on
+    // its way.
+    const bool not_now = static_cast<int>(fault.status().code) / 100 == 4;
+    if (fault.status().code == Code::kUnknownOutcome || not_now)
+      keep_in_doubt(request);
+    else if (fault.status().code != Code::kUnreachable && fault.status().code != Code::kAuth)
+      in_doubt.reset();
+    if (fault.status().code == Code::kSequenceReused) resynchronise();
+    throw;
+  } catch (...) {  // such as std::bad_alloc, before or after the request was sent
+    keep_in_doubt(request);
+    throw;
+  }
+}
+
+void SessionState::adopt(const wire::Request& request, Received& received) {
+  if (const auto* step = std::get_if<wire::Downscale>(&request.body)) {
+    const std::uint64_t nodes = body_of<wire::Upscale>(received).nodes;
+    if (step->parts != 0 && nodes != request.batch.columns().front().count)
+      throw Error({.code = Code::kUnexpectedReply, .text = "the reply to a part of a step has other rows"});
+    return;
+  }
+  if (asks<wire::Commit>(request)) body_of<wire::Committed>(received);
+  if (asks<wire::Mark>(request)) body_of<wire::Marked>(received);
+  if (asks<wire::CloseSession>(request)) body_of<wire::SessionClosed>(received);
+  const auto* rollback = std::get_if<wire::Rollback>(&request.body);
+  if (rollback != nullptr) body_of<wire::RolledBack>(received);
+  const bool changes_nodes = asks<wire::RegisterNodes, wire::RetireNodes, wire::OfferNodes, wire::AcceptNodes>(request);
+  if (changes_nodes) body_of<wire::NodesChanged>(received);
+  if (!changes_nodes && (rollback == nullptr || rollback->to_mark.empty())) return;
+  const auto named = request.batch.u64(Field::kNodeId);
+  const auto answered = std::as_const(received.reply.batch).u64(Field::kNodeId);
+  if (rollback != nullptr) {
+    node_ids.assign(answered.begin(), answered.end());
+  } else if (asks<wire::RetireNodes, wire::OfferNodes>(request)) {
+    std::vector<std::uint64_t> gone(named.begin(), named.end());
+    std::ranges::sort(gone);
+    std::erase_if(node_ids, [&](std::uint64_t node) { return std::ranges::binary_search(gone, node); });
+  } else {
+    const auto come = asks<wire::RegisterNodes>(request) ? named : answered;
+    node_ids.insert(node_ids.end(), come.begin(), come.end());
+  }
+  if (closure) closure->forget();
 }
 
 void SessionState::adopt_position(Received& where) {
@@ -104,13 +161,6 @@ void SessionState::adopt_position(Received& where) {
 void SessionState::resynchronise() {
   Received where = ask(*connection, {.session_id = id, .body = wire::ResumeSession{.resume_token = resume_token}});
   adopt_position(where);
-}
-
-void SessionState::remove_nodes(std::span<const std::uint64_t> nodes) {
-  std::vector<std::uint64_t> gone(nodes.begin(), nodes.end());
-  std::ranges::sort(gone);
-  std::erase_if(node_ids, [&](std::uint64_t node) { return std::ranges::binary_search(gone, node); });
-  if (closure) closure->forget();
 }
 
 // A restarted server answers the last request of a session in any epoch. It refuses the next request with EPOCH; the
@@ -189,9 +239,9 @@ void SessionState::start_checks(bool from_the_start) {
 }
 
 // The step has run, so a check that has no memory is left out.
-void SessionState::check_answered(const Batch& request, const wire::Reply& reply, wire::Mode mode) noexcept try {
+void SessionState::check_answered(const Batch& request, const wire::Reply& reply) noexcept try {
   if (!closure) return;
-  closure->answered(request, reply.batch, std::get<wire::Upscale>(reply.body), step_options, mode);
+  closure->answered(request, reply.batch, std::get<wire::Upscale>(reply.body), step_options);
   if (!inputs) return;
   for (const std::string& warning : inputs->add(request, step_options.dt_s, node_ids))
     write_line(connection->options().log, "warning: " + warning);
@@ -206,53 +256,52 @@ void SessionState::end_checks() noexcept try {
 } catch (const std::exception&) {
 }
 
-wire::Request SessionState::step_request(const Batch& columns, const StepOptions& options, wire::Mode mode) {
+wire::Request SessionState::step_request(const Batch& columns, const StepOptions& options) {
   if (closure) closure->compare(columns, node_ids, options);
   step_options = options;
   wire::Request request = next_request();
-  request.body = wire::Downscale{.dt_s = options.dt_s,
-                                 .time_s = options.time_s,
-                                 .step = options.step,
-                                 .attempt = options.attempt,
-                                 .mode = mode,
-                                 .commit_previous = options.commit_previous && !previous_committed,
-                                 .wanted = wanted,
-                                 .policy = options.policy,
-                                 .absent_nodes = options.absent_nodes};
+  request.body.emplace<wire::Downscale>(options).commit_previous = options.commit_previous && !previous_committed;
   request.batch = columns.view();
   return request;
 }
 
 const StepResult& SessionState::exchange_step(wire::Request request) {
-  // exchange() leaves the request as it was sent. NOLINTBEGIN(bugprone-use-after-move)
-  Received received = exchange(std::move(request), [](Received& reply) { body_of<wire::Upscale>(reply); });
+  Received received = exchange(request);
   previous_committed = false;
-  check_answered(request.batch, received.reply, std::get<wire::Downscale>(request.body).mode);
-  // NOLINTEND(bugprone-use-after-move)
+  check_answered(request.batch, received.reply);
   state_version = body_of<wire::Upscale>(received).state_version;
-  result.payload_frame_ = std::move(received.payload_frame);
-  result.reply_ = std::move(received.reply);
-  result.round_trip_ = received.round_trip;
+  static_cast<Received&>(result) = std::move(received);
   return result;
 }
 
-const StepResult& SessionState::step(const Batch& columns, const StepOptions& options, wire::Mode mode) {
-  if (needs_parts(columns)) return step_in_parts(columns, options, mode, std::nullopt);
-  return exchange_step(step_request(columns, options, mode));
+const StepResult& SessionState::step(const Batch& columns, const StepOptions& options) {
+  if (needs_parts(columns)) return step_in_parts(columns, options, std::nullopt);
+  return exchange_step(step_request(columns, options));
 }
 
-void SessionState::start(const Batch& columns, const StepOptions& options, wire::Mode mode) {
+void SessionState::start(const Batch& columns, const StepOptions& options) {
   started_in_parts.reset();
-  wire::Request started = step_request(columns, options, mode);
+  wire::Request started = step_request(columns, options);
   if (needs_parts(columns)) {
-    started_in_parts.emplace(Started{columns.view(), mode});
-    // A repetition of an interrupted step goes on with the part that was not answered, in finish_trial().
+    started_in_parts.emplace(columns.view());
+    // A repetition of an interrupted step goes on with the part that was not answered, in finish().
     if (in_parts) return;
     started = part_request(part_rows(columns, 1), std::get<wire::Downscale>(started.body), 1,
                            parts_of(columns.columns().front().count));
   }
   post(started);
   posted.emplace(std::move(started));
+}
+
+const StepResult& SessionState::finish() {
+  const std::optional<Batch> columns = std::exchange(started_in_parts, std::nullopt);
+  std::optional<wire::Request> request = std::exchange(posted, std::nullopt);
+  if (columns) return step_in_parts(*columns, step_options, std::move(request));
+  if (!request)
+    throw Error({.code = Code::kInvalidValue,
+                 .text = "a step is finished that was not started",
+                 .remedy = "Start a step first, and finish it once."});
+  return exchange_step(std::move(*request));
 }
 
 // Sends a request, whose reply exchange() then waits for.

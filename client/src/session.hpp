@@ -6,7 +6,6 @@
 
 #include <array>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -34,6 +33,15 @@ Body& body_of(Received& received) {
          .remedy = "Client and server do not agree on the protocol; tell the maintainers."});
   return *body;
 }
+
+// True for a request of one of these kinds.
+template <typename... Questions>
+bool asks(const wire::Request& request) {
+  return (std::holds_alternative<Questions>(request.body) || ...);
+}
+
+// A hash of the header, which holds the checksum of the payload unless `sum` leaves it out.
+std::uint64_t hash_of(const wire::Request& request, wire::PayloadSum sum = wire::PayloadSum::kGiven);
 
 // Sends a request that has no sequence number, with a new request id, and waits for the reply.
 Received ask(Connection& connection, wire::Request request);
@@ -68,9 +76,8 @@ struct SessionState {
   std::uint64_t epoch = 0;
   std::vector<std::uint64_t> node_ids;  // in the order of the rows
   wire::SessionOpened opened;           // the reply to the opening: scene, strategy, columns of a step, warnings, ...
-  std::vector<Field> wanted;        // columns of the replies to later steps; empty: all default columns of the session
-  std::uint64_t last_sequence = 0;  // of the last answered request; 0 is the opening
-  std::uint64_t state_version = 0;  // as the last answer told it
+  std::uint64_t last_sequence = 0;      // of the last answered request; 0 is the opening
+  std::uint64_t state_version = 0;      // as the last answer told it
   ResumedNodes resumed;
   struct InDoubt {  // a request with unknown outcome, which a repeated call must send with the same bytes
     std::uint64_t request_id = 0;
@@ -90,37 +97,28 @@ struct SessionState {
 
   void start_checks(bool from_the_start);  // unless the options of the connection have check_closure = off
   void end_checks() noexcept;
-  void check_answered(const Batch& request, const wire::Reply& reply, wire::Mode mode) noexcept;
+  void check_answered(const Batch& request, const wire::Reply& reply) noexcept;
   wire::Request next_request() const;
   void give_id(wire::Request& request);
   void keep_in_doubt(const wire::Request& request) noexcept;
 
-  // Sends the session's next request. The sequence number advances only when the reply has arrived and accept() has
-  // adopted it. A request without a reply keeps its id, so that a repeated call has the same bytes and the server
-  // recognises it; the same holds if accept() has no memory to adopt the reply.
-  template <typename Accept>
-  Received exchange(wire::Request&& request, const Accept& accept);
-  template <typename Answer, typename Question, typename Accept>
-  Answer exchange(Question question, wire::Batch batch, const Accept& accept) {
+  // Sends the session's next request, which may get another id or epoch. The sequence number advances only when the
+  // reply has arrived and adopt() has taken it over. A request without a reply keeps its id, so that a repeated call has
+  // the same bytes and the server recognises it; the same holds if adopt() has no memory.
+  Received exchange(wire::Request& request);
+  template <typename Answer, typename Question>
+  Answer exchange(Question question, wire::Batch batch = {}) {
     wire::Request request = next_request();
     request.body = std::move(question);
     request.batch = std::move(batch);
-    Received received = exchange(std::move(request), [&](Received& reply) {
-      body_of<Answer>(reply);
-      accept(reply);
-    });
+    Received received = exchange(request);
     return std::move(body_of<Answer>(received));
   }
-  // exchange() for a request that its caller keeps, and repeats after a fault that leaves its outcome unknown.
-  Received send(wire::Request& request, const std::function<void(Received&)>& accept);
-  template <typename Answer, typename Question>
-  Answer exchange(Question question) {
-    return exchange<Answer>(std::move(question), {}, [](Received&) {});
-  }
-
+  // Takes over the nodes that the session has after a request. Throws Error{kUnexpectedReply} if the reply does not answer
+  // the request.
+  void adopt(const wire::Request& request, Received& received);
   // Adopts sequence number, nodes and offers from the reply `session_resumed`.
   void adopt_position(Received& where);
-  void remove_nodes(std::span<const std::uint64_t> nodes);
 
   // A step in parts that began and has not ended.
   struct StepInParts {
@@ -134,32 +132,32 @@ struct SessionState {
     std::uint32_t answered = 0;  // number of parts
     Sent next;                   // the part behind the answered ones
     Sent behind;                 // the part behind that one
-    wire::Reply reply;           // to the whole step, as far as it was answered
-    std::chrono::nanoseconds round_trip{0};
+    Received whole;              // the answer, as far as there is one
   };
   std::optional<StepInParts> in_parts;
   // A step in parts failed after its first part had committed the trial before: a repetition must not commit again.
   bool previous_committed = false;
-  struct Started {  // the step of start_trial() or start_advance(), if it is in parts
-    Batch columns;  // a view
-    wire::Mode mode;
-  };
-  std::optional<Started> started_in_parts;
+  std::optional<Batch> started_in_parts;  // a view of the columns of the step of start(), if it is in parts
 
   bool needs_parts(const Batch& columns) const;
   std::uint32_t parts_of(std::size_t rows) const;
   Batch part_rows(const Batch& columns, std::uint32_t part) const;
   wire::Request part_request(Batch rows, const wire::Downscale& step, std::uint32_t part, std::uint32_t parts) const;
   wire::Request part_behind(const wire::Request& before, Batch rows);
-  const StepResult& step_in_parts(const Batch& columns, const StepOptions& options, wire::Mode mode,
-                                  std::optional<wire::Request> first);
+  const StepResult& step_in_parts(const Batch& columns, const StepOptions& options, std::optional<wire::Request> first);
   void copy_part(const Received& part, std::size_t first_row) noexcept;
   void add_part(const Received& part);
 
-  wire::Request step_request(const Batch& columns, const StepOptions& options, wire::Mode mode);
+  wire::Request step_request(const Batch& columns, const StepOptions& options);
   const StepResult& exchange_step(wire::Request request);
-  const StepResult& step(const Batch& columns, const StepOptions& options, wire::Mode mode);
-  void start(const Batch& columns, const StepOptions& options, wire::Mode mode);
+  // Makes a step. In the mode kTrial the new states wait for commit(), which keeps them, or rollback().
+  const StepResult& step(const Batch& columns, const StepOptions& options);
+  // step() in two halves, for a host with other work to do while the server steps the layers: start() sends the request,
+  // finish() waits for the reply with the deadline and the retries of any call. Between the two the caller leaves
+  // `columns` unchanged and makes no other call on the session. If finish() throws, step() with the same values is the
+  // same request.
+  void start(const Batch& columns, const StepOptions& options);
+  const StepResult& finish();
   void post(wire::Request& request);
 
   // Sends a request and waits for the reply, across restarts of the server.
@@ -172,31 +170,6 @@ struct SessionState {
   void follow_restart(wire::Request& request, const Error& fault);
 };
 
-template <typename Accept>
-Received SessionState::exchange(wire::Request&& request, const Accept& accept) {
-  give_id(request);
-  try {
-    Received received = call(request);
-    accept(received);
-    in_doubt.reset();
-    last_sequence = request.sequence;
-    return received;
-  } catch (const Error& fault) {
-    // Codes 4xx mean "not now": after such a refusal the server may still run a second copy of the request that is on
-    // its way.
-    const bool not_now = static_cast<int>(fault.status().code) / 100 == 4;
-    if (fault.status().code == Code::kUnknownOutcome || not_now)
-      keep_in_doubt(request);
-    else if (fault.status().code != Code::kUnreachable && fault.status().code != Code::kAuth)
-      in_doubt.reset();
-    if (fault.status().code == Code::kSequenceReused) resynchronise();
-    throw;
-  } catch (...) {  // such as std::bad_alloc, before or after the request was sent
-    keep_in_doubt(request);
-    throw;
-  }
-}
-
 class Session : public SessionState {
  public:
   explicit Session(SessionState&& state) : SessionState(std::move(state)) {}
@@ -207,32 +180,11 @@ class Session : public SessionState {
   }
   ~Session();  // closes a session that is still open, without waiting for the reply
 
-  // The required columns of a step of all nodes, with rows in the order of node_ids, zeroed, and the given optional
-  // columns. A force-driven request has one of two forms: stresses and masses of both half zones (kFarField), or stick
-  // stress and impedance (kStick).
-  Batch request(std::span<const Field> optional_columns = {}, Form form = Form::kFarField) const;
-  // Like request(), for a step of some nodes, with rows in the order of `node_ids`.
-  Batch request_for(std::span<const std::uint64_t> node_ids, std::span<const Field> optional_columns = {},
-                    Form form = Form::kFarField) const;
-
-  // Steps and commits the new states.
-  const StepResult& advance(const Batch& request, const StepOptions& options) {
-    return step(request, options, wire::Mode::kAdvance);
+  const StepResult& advance(const Batch& request, const StepOptions& options) { return step(request, options); }
+  const StepResult& trial(const Batch& request, StepOptions options) {
+    options.mode = wire::Mode::kTrial;
+    return step(request, options);
   }
-  // steps like advance(), but the new states are only a trial until commit() keeps or rollback() drops them
-  const StepResult& trial(const Batch& request, const StepOptions& options) {
-    return step(request, options, wire::Mode::kTrial);
-  }
-  // trial() in two halves, for a host with other work to do while the server steps the layers: start_trial() sends the
-  // request, finish_trial() waits for the reply with the deadline and the retries of any call. Between the two the
-  // caller leaves `request` unchanged and makes no other call on the session. If finish_trial() throws, trial() with
-  // the same values is the same request.
-  // start_advance() is the same for advance(); finish_trial() then returns the committed result.
-  void start_trial(const Batch& request, const StepOptions& options) { start(request, options, wire::Mode::kTrial); }
-  void start_advance(const Batch& request, const StepOptions& options) {
-    start(request, options, wire::Mode::kAdvance);
-  }
-  const StepResult& finish_trial();
   void forget_answers();  // the host went on without the server: the next step is not compared with an answer
   std::uint64_t commit();
   std::uint64_t rollback();
@@ -243,18 +195,18 @@ class Session : public SessionState {
   std::uint64_t rollback_to(const std::string& mark);
   // The calls from register_nodes() to accept_nodes() change the set of nodes and are refused while the session has a
   // trial. New nodes are added after the present nodes, which keep their order.
-  void register_nodes(std::span<const std::uint64_t> node_ids,
-                      std::span<const double> initial_temperature_k = {});  // one per node; empty: scene's value
-  void register_nodes(std::span<const std::uint64_t> node_ids, const NodeOptions& options);
+  void register_nodes(std::span<const std::uint64_t> node_ids, const NodeOptions& options = {});
   void retire_nodes(std::span<const std::uint64_t> node_ids);  // removes the nodes with their states
   // Moves nodes with their states to another session of the domain: that session passes the returned id to
   // accept_nodes(). Between the two calls the server keeps the nodes. The offering session may accept its own offer.
   TransferId offer_nodes(std::span<const std::uint64_t> node_ids);
-  std::vector<std::uint64_t> accept_nodes(const TransferId& transfer);
+  std::span<const std::uint64_t> accept_nodes(const TransferId& transfer);  // those of node_ids that were accepted
   // Reads the profiles of some nodes from their committed states. `pressure_pa`: P at which the flow stress is
-  // evaluated, one value per node; empty: 0. Throws Error: kUnsupported for a scene that keeps no profile, kLimit for
-  // more rows than a message holds (welcome().limits.max_rows_per_message).
-  Profiles profiles(std::span<const std::uint64_t> node_ids, std::span<const double> pressure_pa = {});
+  // evaluated, one value per node; empty: 0. Returns a reply `profiles` whose columns have the shape [nodes * vertices],
+  // the vertices of a node in ascending z; NaN: the vertex lies outside of the layer and the quantity is one of the layer.
+  // Throws Error: kUnsupported for a scene that keeps no profile, kLimit for more rows than a message holds
+  // (welcome().limits.max_rows_per_message).
+  Received profiles(std::span<const std::uint64_t> node_ids, std::span<const double> pressure_pa = {});
   wire::SessionClosed close();
 
   // Lets another process continue this session after this process has ended. The ticket is a secret: its holder owns

@@ -68,9 +68,9 @@ wire::Request SessionState::part_behind(const wire::Request& before, Batch rows)
   StepInParts::Sent& sent = in_parts->behind;
   // A part of another epoch cannot have run, because the part before it has not.
   if (sent.request_id == 0 || sent.epoch != before.epoch) {
-    const std::string header = wire::encode_header(before, {}, connection->payload_sum());
-    const std::array<std::span<const std::byte>, 1> bytes = {std::as_bytes(std::span(header))};
-    sent = {.request_id = connection->next_request_id(), .epoch = before.epoch, .follows = wire::hash_of(bytes)};
+    sent = {.request_id = connection->next_request_id(),
+            .epoch = before.epoch,
+            .follows = hash_of(before, connection->payload_sum())};
   }
   request.sequence = before.sequence + 1;
   request.request_id = sent.request_id;
@@ -81,7 +81,7 @@ wire::Request SessionState::part_behind(const wire::Request& before, Batch rows)
 
 // Copies the answers of a part to their rows of the whole reply.
 void SessionState::copy_part(const Received& part, std::size_t first_row) noexcept {
-  Batch& whole = in_parts->reply.batch;
+  Batch& whole = in_parts->whole.reply.batch;
   const Batch& rows = part.reply.batch;
   each_column(rows, whole,
               [&](const wire::Column&, auto from, auto to) { std::ranges::copy(from, to.subspan(first_row).begin()); });
@@ -90,13 +90,13 @@ void SessionState::copy_part(const Received& part, std::size_t first_row) noexce
 // Adds what the answer of a part says of all its rows.
 void SessionState::add_part(const Received& part) {
   const auto& answer = std::get<wire::Upscale>(part.reply.body);
-  auto& sum = std::get<wire::Upscale>(in_parts->reply.body);
+  auto& sum = std::get<wire::Upscale>(in_parts->whole.reply.body);
   add_rows(sum, answer);
   sum.state_version = answer.state_version;
   sum.solver_ns += answer.solver_ns;
   sum.service_ns += answer.service_ns;
-  in_parts->reply.replayed |= part.reply.replayed;
-  in_parts->round_trip += part.round_trip;
+  in_parts->whole.reply.replayed |= part.reply.replayed;
+  in_parts->whole.round_trip += part.round_trip;
   ++in_parts->answered;
 }
 
@@ -105,9 +105,9 @@ void SessionState::add_part(const Received& part) {
 // in time, a repetition of the call goes on with that part, and sends what was sent before with the same bytes. If a
 // part is refused, the parts before it are dropped; the part behind it was refused, too, because it follows that part.
 // `first`: part 1, if it was posted.
-const StepResult& SessionState::step_in_parts(const Batch& columns, const StepOptions& options, wire::Mode mode,
+const StepResult& SessionState::step_in_parts(const Batch& columns, const StepOptions& options,
                                               std::optional<wire::Request> first) {
-  const auto step = std::get<wire::Downscale>(first ? first->body : step_request(columns, options, mode).body);
+  const auto step = std::get<wire::Downscale>(first ? first->body : step_request(columns, options).body);
   const std::size_t rows = columns.columns().front().count;
   wire::Downscale whole = step;
   whole.part = whole.parts = 0;
@@ -118,7 +118,7 @@ const StepResult& SessionState::step_in_parts(const Batch& columns, const StepOp
   if (!in_parts || in_parts->hash != hash) {
     in_parts = StepInParts{};
     in_parts->hash = hash;
-    in_parts->reply.body = wire::Upscale{};
+    in_parts->whole.reply.body = wire::Upscale{};
   }
   const std::uint32_t parts = parts_of(rows);
   std::optional<Received> to_copy;  // the last part that was answered
@@ -158,20 +158,16 @@ const StepResult& SessionState::step_in_parts(const Batch& columns, const StepOp
           behind = part_behind(request, std::exchange(next, {}));
           connection->post_behind(*behind);
         }
-        Batch& answers = in_parts->reply.batch;
+        Batch& answers = in_parts->whole.reply.batch;
         if (answers.columns().empty())
-          answers = Batch::of(wanted.empty() ? opened.reply_columns : wanted, rows, opened.tangential_components);
+          answers =
+              Batch::of(step.wanted.empty() ? opened.reply_columns : step.wanted, rows, opened.tangential_components);
         copy();
       } catch (const std::bad_alloc&) {
         keep_in_doubt(request);
         throw;
       }
-      const std::size_t count = request.batch.columns().front().count;
-      Received received = exchange(std::move(request), [&](Received& reply) {
-        if (body_of<wire::Upscale>(reply).nodes != count)
-          throw Error({.code = Code::kUnexpectedReply, .text = "the reply to a part of a step has other rows"});
-      });
-      // exchange() leaves the request as it was sent. NOLINTNEXTLINE(bugprone-use-after-move)
+      Received received = exchange(request);
       if (behind && request.epoch != behind->epoch) {  // after a restart, which the part behind did not survive
         behind.reset();
         in_parts->behind = {};
@@ -201,11 +197,9 @@ const StepResult& SessionState::step_in_parts(const Batch& columns, const StepOp
     throw;
   }
   previous_committed = false;
-  check_answered(columns, in_parts->reply, mode);
-  state_version = std::get<wire::Upscale>(in_parts->reply.body).state_version;
-  result.payload_frame_.reset();
-  result.reply_ = std::move(in_parts->reply);
-  result.round_trip_ = in_parts->round_trip;
+  check_answered(columns, in_parts->whole.reply);
+  state_version = std::get<wire::Upscale>(in_parts->whole.reply.body).state_version;
+  static_cast<Received&>(result) = std::move(in_parts->whole);
   in_parts.reset();
   return result;
 }

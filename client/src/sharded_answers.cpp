@@ -36,17 +36,20 @@ std::uint64_t ShardedSession::same_version(std::span<const std::uint64_t> versio
   return versions.front();
 }
 
+// The state version that the answers of all shards tell.
+template <typename Answer>
+std::uint64_t ShardedSession::version_of_all() {
+  std::vector<std::uint64_t> versions;
+  for (Shard& shard : shards_) versions.push_back(body_of<Answer>(*shard.reply).state_version);
+  return state_version_ = same_version(versions);
+}
+
 // The reply to a request that all its shards have run.
 Received ShardedSession::join() {
   Operation& operation = *operation_;
   Received joined;
-  std::vector<std::uint64_t> versions;
-  std::shared_ptr<const Ids> order = node_ids_;
   for (const Shard& shard : shards_)
     if (shard.reply) joined.round_trip = std::max(joined.round_trip, shard.reply->round_trip);
-  const auto versions_of = [&]<typename Body>(const Body* /*type*/) {
-    for (Shard& shard : shards_) versions.push_back(body_of<Body>(*shard.reply).state_version);
-  };
   wire::Request& question = operation.question;
   if (const auto* step = std::get_if<wire::Downscale>(&question.body)) {
     std::vector<Received*> replies;
@@ -57,22 +60,15 @@ Received ShardedSession::join() {
     }
     joined.reply.batch = join_rows(replies);
     wire::Upscale sum = join_steps(replies);
-    if (committed)
-      versions_of(static_cast<const wire::Committed*>(nullptr));
-    else
-      versions_of(static_cast<const wire::Upscale*>(nullptr));
-    sum.state_version = same_version(versions);
+    sum.state_version = committed ? version_of_all<wire::Committed>() : version_of_all<wire::Upscale>();
     joined.reply.body = std::move(sum);
     trial_stands_ = !committed && last_of_step(*step);
     previous_committed_ = false;
-  } else if (std::holds_alternative<wire::Commit>(question.body)) {
-    versions_of(static_cast<const wire::Committed*>(nullptr));
-    joined.reply.body = wire::Committed{.state_version = same_version(versions)};
+  } else if (asks<wire::Commit>(question)) {
+    joined.reply.body = wire::Committed{.state_version = version_of_all<wire::Committed>()};
     trial_stands_ = false;
   } else if (const auto* rollback = std::get_if<wire::Rollback>(&question.body)) {
-    versions_of(static_cast<const wire::RolledBack*>(nullptr));
-    const std::uint64_t version = same_version(versions);
-    joined.reply.body = wire::RolledBack{.state_version = version};
+    joined.reply.body = wire::RolledBack{.state_version = version_of_all<wire::RolledBack>()};
     torn_.clear();
     trial_stands_ = previous_committed_ = false;
     if (!rollback->to_mark.empty()) {
@@ -80,8 +76,7 @@ Received ShardedSession::join() {
       if (mark == marks_.end() || !place(mark->second)) place(std::make_shared<const Ids>(merged()));
       joined.reply.batch = named_nodes(*node_ids_);
     }
-  } else if (std::holds_alternative<wire::Mark>(question.body)) {
-    versions_of(static_cast<const wire::Marked*>(nullptr));
+  } else if (asks<wire::Mark>(question)) {
     wire::Marked marked = body_of<wire::Marked>(*shards_.front().reply);
     for (Shard& shard : shards_)
       std::erase_if(marked.names, [&](const std::string& name) {
@@ -91,18 +86,18 @@ Received ShardedSession::join() {
     marks_[std::get<wire::Mark>(question.body).name] = node_ids_;
     std::erase_if(marks_,
                   [&](const auto& mark) { return std::ranges::find(marked.names, mark.first) == marked.names.end(); });
-    marked.state_version = same_version(versions);
+    marked.state_version = version_of_all<wire::Marked>();
     joined.reply.body = std::move(marked);
   } else {
     Ids now = *node_ids_;
-    if (std::holds_alternative<wire::AcceptNodes>(question.body)) {
+    if (asks<wire::AcceptNodes>(question)) {
       std::vector<std::span<const std::uint64_t>> lists;
       for (Shard& shard : shards_)
         if (shard.reply) lists.push_back(std::as_const(shard.reply->reply.batch).u64(Field::kNodeId));
       const Ids accepted = merge_of(std::move(lists));
       now.insert(now.end(), accepted.begin(), accepted.end());
       joined.reply.batch = named_nodes(accepted);
-    } else if (std::holds_alternative<wire::RegisterNodes>(question.body)) {
+    } else if (asks<wire::RegisterNodes>(question)) {
       const auto registered = question.batch.u64(Field::kNodeId);
       now.insert(now.end(), registered.begin(), registered.end());
     } else {
@@ -119,7 +114,6 @@ Received ShardedSession::join() {
     place(std::make_shared<const Ids>(std::move(now)));
     joined.reply.body = wire::NodesChanged{.nodes = nodes};
   }
-  if (!versions.empty()) state_version_ = versions.front();
   last_sequence_ = operation.sequence;
   return joined;
 }

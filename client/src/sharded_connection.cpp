@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <filesystem>
 #include <set>
 #include <utility>
@@ -62,8 +61,8 @@ ShardedConnection::ShardedConnection(ClientOptions options, std::vector<std::sha
 
 Received ShardedConnection::call(const wire::Request& request, std::chrono::milliseconds deadline) {
   links_.begin_call(deadline);
-  if (std::holds_alternative<wire::Hello>(request.body)) return hello(request);
-  if (std::holds_alternative<wire::OpenSession>(request.body)) return open(request);
+  if (asks<wire::Hello>(request)) return hello(request);
+  if (asks<wire::OpenSession>(request)) return open(request);
   if (const auto* resumed = std::get_if<wire::ResumeSession>(&request.body)) {
     if (resumed->claim != 0) return resume(request);
     Received received;  // the position that this client knows; of another session, nothing: the claim brings it
@@ -72,12 +71,12 @@ Received ShardedConnection::call(const wire::Request& request, std::chrono::mill
     if (known != sessions_.end()) received.reply.batch = named_nodes(known->second->node_ids());
     return received;
   }
-  if (std::holds_alternative<wire::CloseSession>(request.body) && sessions_.contains(request.session_id)) {
+  if (asks<wire::CloseSession>(request) && sessions_.contains(request.session_id)) {
     Received received = sessions_.at(request.session_id)->close(request);
     sessions_.erase(request.session_id);
     return received;
   }
-  if (std::holds_alternative<wire::ReadProfiles>(request.body)) return session_of(request).read_profiles(request);
+  if (asks<wire::ReadProfiles>(request)) return session_of(request).read_profiles(request);
   return session_of(request).call(request);
 }
 
@@ -125,8 +124,7 @@ Received ShardedConnection::hello(const wire::Request& request) {
     if (!epochs.insert(received.reply.epoch).second)
       refuse(Code::kInvalidValue, "is a server that another endpoint of the list names, too",
              "Give the endpoint of each server once.");
-    links_[k]->set_durable(welcome.durability != "none");
-    links_[k]->set_max_rows(welcome.limits.max_rows_per_message);
+    links_[k]->heed(welcome);
     if (k == 0) {
       joined.reply.body = std::move(welcome);
       continue;
@@ -151,52 +149,49 @@ void ShardedConnection::begin_opening(const wire::Request& request, std::uint64_
                  .remedy = "Give nodes, or a domain.",
                  .field = wire::name(Field::kNodeId)});
   const std::uint32_t shards = links_.size();
-  Opening opening{.id = asked.session_id, .hash = hash, .requests = {}, .opened = {}, .refused = {}};
-  opening.opened.resize(shards);
-  opening.refused.resize(shards);
+  Opening opening{.id = asked.session_id, .hash = hash, .shards = {}};
   const auto rows = rows_of_shards(ids, shards);
   for (std::uint32_t k = 0; k < shards; ++k) {
     wire::OpenSession of_shard = asked;
     of_shard.session_id = session_of_shard(asked.session_id, k, shards);
     of_shard.domain = domain_of_shard(
         asked.domain.empty() ? "session " + wire::hexadecimal(asked.session_id) : asked.domain, k, shards);
-    wire::Request& made = opening.requests.emplace_back();
+    wire::Request& made = opening.shards.emplace_back().request;
     made.request_id = links_[k]->next_request_id();
     made.body = std::move(of_shard);
     if (!rows[k].empty()) made.batch = rows_of(request.batch, rows[k]);
   }
   opening_ = std::move(opening);
-  for (std::uint32_t k = 0; k < shards; ++k) try_post(*links_[k], opening_->requests[k]);
+  for (std::uint32_t k = 0; k < shards; ++k) try_post(*links_[k], opening_->shards[k].request);
 }
 
 Received ShardedConnection::open(const wire::Request& request) {
-  const std::string header = wire::encode_header(request);
-  const std::array<std::span<const std::byte>, 1> bytes = {std::as_bytes(std::span(header))};
-  const std::uint64_t hash = wire::hash_of(bytes);
+  const std::uint64_t hash = hash_of(request);
   if (!opening_ || opening_->hash != hash) begin_opening(request, hash);
   Opening& opening = *opening_;
   std::optional<Error> unsettled;
   const Error* refusal = nullptr;
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
-    if (!opening.opened[k] && !opening.refused[k]) {
+    Opening::OfShard& shard = opening.shards[k];
+    if (!shard.opened && !shard.refused) {
       try {
-        Received received = links_[k]->call(opening.requests[k], links_.left(k));
+        Received received = links_[k]->call(shard.request, links_.left(k));
         body_of<wire::SessionOpened>(received);
-        opening.opened[k] = std::move(received);
+        shard.opened = std::move(received);
       } catch (const Error& fault) {
         // A refused opening may be repeated with the same bytes unless it was undone, so all other refusals are final.
         const int kind = static_cast<int>(fault.status().code) / 100;
         if (kind == 1 || kind == 2 || kind == 3 || fault.status().code == Code::kDraining)
-          opening.refused[k] = fault;
+          shard.refused = fault;
         else if (!unsettled)
           unsettled = fault;
       }
     }
-    if (opening.refused[k] && refusal == nullptr) refusal = &*opening.refused[k];
+    if (shard.refused && refusal == nullptr) refusal = &*shard.refused;
   }
   if (unsettled && refusal == nullptr) {
     if (unsettled->status().code == Code::kUnreachable &&
-        std::ranges::any_of(opening.opened, [](const auto& opened) { return opened.has_value(); })) {
+        std::ranges::any_of(opening.shards, [](const auto& shard) { return shard.opened.has_value(); })) {
       wire::Status status = unsettled->status();
       status.code = Code::kUnknownOutcome;  // the others have opened it: the same call goes on
       throw Error(std::move(status));
@@ -211,14 +206,15 @@ Received ShardedConnection::open(const wire::Request& request) {
   std::vector<std::unique_ptr<SessionState>> sessions;
   Received joined;
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
-    const auto& asked = std::get<wire::OpenSession>(opening.requests[k].body);
-    auto& opened = body_of<wire::SessionOpened>(*opening.opened[k]);
+    Opening::OfShard& shard = opening.shards[k];
+    const auto& asked = std::get<wire::OpenSession>(shard.request.body);
+    auto& opened = body_of<wire::SessionOpened>(*shard.opened);
     auto& session = *sessions.emplace_back(std::make_unique<SessionState>());
     session.connection = links_[k];
     session.id = asked.session_id;
     session.resume_token = asked.resume_token;
-    session.epoch = opening.opened[k]->reply.epoch;
-    const auto nodes = std::as_const(opening.requests[k].batch).u64(Field::kNodeId);
+    session.epoch = shard.opened->reply.epoch;
+    const auto nodes = std::as_const(shard.request.batch).u64(Field::kNodeId);
     session.node_ids.assign(nodes.begin(), nodes.end());
     if (k == 0) {
       joined.reply.body = opened;
@@ -239,13 +235,14 @@ Received ShardedConnection::open(const wire::Request& request) {
 void ShardedConnection::undo_opening() noexcept {
   opening_undone = true;
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
-    if (!opening_->opened[k]) continue;
+    const Opening::OfShard& shard = opening_->shards[k];
+    if (!shard.opened) continue;
     try {
       const wire::Request close{
           .request_id = links_[k]->next_request_id(),
-          .session_id = std::get<wire::OpenSession>(opening_->requests[k].body).session_id,
+          .session_id = std::get<wire::OpenSession>(shard.request.body).session_id,
           .sequence = 1,
-          .epoch = opening_->opened[k]->reply.epoch,
+          .epoch = shard.opened->reply.epoch,
           .body = wire::CloseSession{.reason = "another server of the run has refused the session"}};
       links_[k]->call(close, links_.left(k));
     } catch (const std::exception&) {

@@ -27,11 +27,14 @@ class ShardedConnection final : public Connection {
  private:
   // An opening that has not ended. A repetition asks only the shards that have not answered.
   struct Opening {
+    struct OfShard {
+      wire::Request request;
+      std::optional<Received> opened;
+      std::optional<Error> refused;
+    };
     wire::SessionId id{};
     std::uint64_t hash = 0;
-    std::vector<wire::Request> requests;
-    std::vector<std::optional<Received>> opened;
-    std::vector<std::optional<Error>> refused;
+    std::vector<OfShard> shards;
   };
 
   Received hello(const wire::Request& request);

@@ -68,8 +68,7 @@ Received ShardedSession::close(const wire::Request& request) {
         ask(shard, std::get<wire::CloseSession>(request.body));
         shard.open = false;
         links_.left(k);
-        shard.reply =
-            shard.session->send(shard.request, [](Received& received) { body_of<wire::SessionClosed>(received); });
+        shard.reply = shard.session->exchange(shard.request);
         shard.session->closed = true;
       } catch (const Error& refusal) {
         // A request that was interrupted has run: the session stands behind it now.

@@ -37,8 +37,7 @@ void ShardedSession::settle() {
     if (shard.open) {
       links_.left(k);
       try {
-        shard.reply = shard.session->send(shard.request,
-                                          [&](Received& received) { adopt(*shard.session, shard.request, received); });
+        shard.reply = shard.session->exchange(shard.request);
         shard.open = false;
       } catch (const Error& fault) {
         if (is_refusal(fault.status().code)) {
@@ -65,35 +64,6 @@ void ShardedSession::settle() {
   status.text += "; other shards may have run the request";
   status.remedy = "Make the same call again: where it has run, it is not run a second time.";
   throw Error(std::move(status));
-}
-
-// Takes over the nodes that a shard has after a request.
-void ShardedSession::adopt(SessionState& session, const wire::Request& request, Received& received) const {
-  const auto append = [&](std::span<const std::uint64_t> ids) {
-    session.node_ids.insert(session.node_ids.end(), ids.begin(), ids.end());
-  };
-  const auto named = request.batch.u64(Field::kNodeId);
-  const auto answered = std::as_const(received.reply.batch).u64(Field::kNodeId);
-  if (std::holds_alternative<wire::RegisterNodes>(request.body)) {
-    body_of<wire::NodesChanged>(received);
-    append(named);
-  } else if (std::holds_alternative<wire::RetireNodes>(request.body) ||
-             std::holds_alternative<wire::OfferNodes>(request.body)) {
-    body_of<wire::NodesChanged>(received);
-    session.remove_nodes(named);
-  } else if (std::holds_alternative<wire::AcceptNodes>(request.body)) {
-    body_of<wire::NodesChanged>(received);
-    append(answered);
-  } else if (const auto* rollback = std::get_if<wire::Rollback>(&request.body)) {
-    body_of<wire::RolledBack>(received);
-    if (!rollback->to_mark.empty()) session.node_ids.assign(answered.begin(), answered.end());
-  } else if (std::holds_alternative<wire::Downscale>(request.body)) {
-    body_of<wire::Upscale>(received);
-  } else if (std::holds_alternative<wire::Commit>(request.body)) {
-    body_of<wire::Committed>(received);
-  } else if (std::holds_alternative<wire::Mark>(request.body)) {
-    body_of<wire::Marked>(received);
-  }
 }
 
 Received ShardedSession::complete() {
@@ -137,7 +107,7 @@ bool ShardedSession::go_on() {
         ask_all(wire::Commit{});
         break;
       }
-      const bool accepts = std::holds_alternative<wire::AcceptNodes>(operation.question.body);
+      const bool accepts = asks<wire::AcceptNodes>(operation.question);
       const auto holds_no_offer = [](const Shard& shard) {
         return shard.refusal && shard.refusal->status().code == Code::kUnknownTransfer;
       };
@@ -157,12 +127,8 @@ bool ShardedSession::go_on() {
         ahead_.reset();  // each shard refuses the part behind one that it has refused
         return false;
       }
-      if (std::holds_alternative<wire::Rollback>(operation.question.body)) {
-        torn("the rollback to a mark is refused");
-        return false;
-      }
-      if (std::holds_alternative<wire::Commit>(operation.question.body)) {
-        torn("the commit is refused");
+      if (asks<wire::Rollback, wire::Commit>(operation.question)) {
+        torn(asks<wire::Commit>(operation.question) ? "the commit is refused" : "the rollback to a mark is refused");
         return false;
       }
       if (ahead_) {
@@ -214,8 +180,7 @@ void ShardedSession::drain() {
 // After a refusal by some shards: those commit the trial before, if the others have, and all go back.
 void ShardedSession::undo() {
   Operation& operation = *operation_;
-  if (!std::holds_alternative<wire::Downscale>(operation.question.body) || !operation.commits_previous)
-    return go_back();
+  if (!asks<wire::Downscale>(operation.question) || !operation.commits_previous) return go_back();
   operation.stage = Stage::kCommitPrevious;
   for (Shard& shard : shards_)
     if (shard.refusal) ask(shard, wire::Commit{});
@@ -226,13 +191,13 @@ void ShardedSession::go_back() {
   Operation& operation = *operation_;
   operation.stage = Stage::kUndo;
   for (Shard& shard : shards_) shard.refusal.reset();
-  if (std::holds_alternative<wire::Downscale>(operation.question.body)) {
+  if (asks<wire::Downscale>(operation.question)) {
     trial_stands_ = false;
     return ask_all(wire::Rollback{});
   }
   for (Shard& shard : shards_) {
     if (!shard.reply) continue;
-    if (std::holds_alternative<wire::RegisterNodes>(shard.request.body)) {
+    if (asks<wire::RegisterNodes>(shard.request)) {
       ask(shard, wire::RetireNodes{}, named_nodes(shard.request.batch.u64(Field::kNodeId)));
     } else if (const auto* offer = std::get_if<wire::OfferNodes>(&shard.request.body)) {
       ask(shard, wire::AcceptNodes{.transfer_id = offer->transfer_id});

@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <exception>
 #include <utility>
 #include <variant>
@@ -27,13 +26,6 @@ void check_leaving(std::span<const std::uint64_t> leaving, std::span<const std::
     if (!std::ranges::binary_search(known, id))
       refuse_call(Code::kUnknownNode, fmt::format("node {} is not of this session", id), "Name nodes of the session.",
                   Field::kNodeId, {id});
-}
-
-// The hash of a request: of its header, which holds the checksum of the payload.
-std::uint64_t hash_of(const wire::Request& request) {
-  const std::string header = wire::encode_header(request);
-  const std::array<std::span<const std::byte>, 1> bytes = {std::as_bytes(std::span(header))};
-  return wire::hash_of(bytes);
 }
 
 }  // namespace
@@ -59,14 +51,9 @@ std::chrono::milliseconds ShardLinks::left(std::uint32_t shard) const {
   return time;
 }
 
-void try_post(Connection& connection, const wire::Request& request) noexcept try {
-  connection.post(request);
-} catch (const std::exception&) {
-  // The call sends the request, and reports what is wrong.
-}
-
-void try_post_behind(Connection& connection, const wire::Request& request) noexcept try {
-  connection.post_behind(request);
+void try_post(Connection& connection, const wire::Request& request,
+              void (Connection::*post)(const wire::Request&)) noexcept try {
+  (connection.*post)(request);
 } catch (const std::exception&) {
   // The call sends the request, and reports what is wrong.
 }
@@ -128,7 +115,7 @@ Received ShardedSession::call(const wire::Request& request) {
                    .last_sequence = last_sequence_});
   }
   if (!operation_ && ahead_ && ahead_->operation.hash != hash) settle_ahead();
-  if (previous_committed_ && std::holds_alternative<wire::Commit>(request.body)) {
+  if (previous_committed_ && asks<wire::Commit>(request)) {
     previous_committed_ = false;
     last_sequence_ = request.sequence;
     Received received;
@@ -172,7 +159,7 @@ void ShardedSession::post_behind(const wire::Request& request) {
   }
   ahead_ = std::move(ahead);
   for (std::uint32_t k = 0; k < links_.size(); ++k)
-    try_post_behind(*shards_[k].session->connection, ahead_->requests[k]);
+    try_post(*shards_[k].session->connection, ahead_->requests[k], &Connection::post_behind);
 }
 
 // Makes the part that was sent ahead the operation under way. A shard that was restarted since has lost it: it gets
@@ -228,25 +215,17 @@ void ShardedSession::begin(const wire::Request& request, std::uint64_t hash) {
     operation.hash = hash;
     operation.sequence = request.sequence;
     operation.question.body = request.body;
+    const bool leaving = asks<wire::RetireNodes, wire::OfferNodes>(request);
     if (const auto* step = std::get_if<wire::Downscale>(&request.body)) {
       begin_step(request, *step);
-    } else if (std::holds_alternative<wire::RegisterNodes>(request.body)) {
-      begin_nodes(request, false);
-    } else if (std::holds_alternative<wire::RetireNodes>(request.body) ||
-               std::holds_alternative<wire::OfferNodes>(request.body)) {
-      begin_nodes(request, true);
+    } else if (leaving || asks<wire::RegisterNodes>(request)) {
+      begin_nodes(request, leaving);
     } else if (to_mark && trial_stands_) {
       // First the trials, so that after a crash of this client none of them is taken for a step to be committed.
       operation.stage = Stage::kDropTrial;
       ask_all(wire::Rollback{});
-    } else if (const auto* commit = std::get_if<wire::Commit>(&request.body)) {
-      ask_all(*commit);
-    } else if (rollback != nullptr) {
-      ask_all(*rollback);
-    } else if (const auto* mark = std::get_if<wire::Mark>(&request.body)) {
-      ask_all(*mark);
-    } else if (const auto* accept = std::get_if<wire::AcceptNodes>(&request.body)) {
-      ask_all(*accept);
+    } else if (asks<wire::Commit, wire::Rollback, wire::Mark, wire::AcceptNodes>(request)) {
+      ask_all(request.body);
     } else {
       refuse_call(Code::kUnsupported, fmt::format("{} is not a request to several servers", verb_of(request)),
                   "Ask each server by an endpoint of its own.");
@@ -291,14 +270,22 @@ void ShardedSession::begin_nodes(const wire::Request& request, bool leaving) {
   const auto rows = rows_of_shards(ids, links_.size());
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
     if (rows[k].empty() && !(ids.empty() && k == 0)) continue;  // the first shard refuses a request without nodes
-    Shard& shard = shards_[k];
-    std::visit(
-        [&](const auto& body) {
-          if constexpr (!std::is_same_v<std::remove_cvref_t<decltype(body)>, std::monostate>)
-            ask(shard, body, rows_of(request.batch, rows[k]));
-        },
-        request.body);
+    ask(shards_[k], request.body, rows_of(request.batch, rows[k]));
   }
+}
+
+void ShardedSession::ask(Shard& shard, Body body, Batch batch) {
+  shard.request = shard.session->next_request();
+  if (shard.request.request_id == 0) shard.request.request_id = shard.session->connection->next_request_id();
+  shard.request.body = std::move(body);
+  shard.request.batch = std::move(batch);
+  shard.open = true;
+  shard.reply.reset();
+  shard.refusal.reset();
+}
+
+void ShardedSession::ask_all(const Body& body) {
+  for (Shard& shard : shards_) ask(shard, body);
 }
 
 void ShardedSession::post_all() {

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -36,10 +35,10 @@ class ShardLinks {
   std::chrono::milliseconds deadline_{0};
 };
 
-// Sends the request without waiting, if that is possible; the call that follows sends it otherwise.
-void try_post(Connection& connection, const wire::Request& request) noexcept;
-// The same for a request that goes behind one that is not answered yet.
-void try_post_behind(Connection& connection, const wire::Request& request) noexcept;
+// Sends the request without waiting, if that is possible; the call that follows sends it otherwise. `post`: how, where it
+// goes behind a request that is not answered yet.
+void try_post(Connection& connection, const wire::Request& request,
+              void (Connection::*post)(const wire::Request&) = &Connection::post) noexcept;
 
 // Rows of each shard, for rows that belong to these nodes.
 std::vector<std::vector<std::uint32_t>> rows_of_shards(std::span<const std::uint64_t> node_ids, std::uint32_t shards);
@@ -82,6 +81,7 @@ class ShardedSession {
 
  private:
   using Ids = std::vector<std::uint64_t>;
+  using Body = decltype(wire::Request::body);
   struct Shard {
     std::unique_ptr<SessionState> session;
     std::vector<std::uint32_t> rows;  // row of each of its nodes, in the order of the shard's session
@@ -119,13 +119,10 @@ class ShardedSession {
   void begin_step(const wire::Request& request, const wire::Downscale& step);
   void begin_nodes(const wire::Request& request, bool leaving);
   Received complete();
-  template <typename Body>
   void ask(Shard& shard, Body body, Batch batch = {});
-  template <typename Body>
   void ask_all(const Body& body);
   void post_all();
   void settle();
-  void adopt(SessionState& session, const wire::Request& request, Received& received) const;
   bool go_on();
   void go_back();
   Received join();
@@ -134,6 +131,8 @@ class ShardedSession {
   bool place(std::shared_ptr<const Ids> order);
   Ids merged() const;
   std::uint64_t same_version(std::span<const std::uint64_t> versions);
+  template <typename Answer>
+  std::uint64_t version_of_all();
   std::span<const std::uint32_t> rows_in(const Shard& shard) const {
     return operation_->named ? shard.named_rows : shard.rows;
   }
@@ -151,22 +150,5 @@ class ShardedSession {
   bool previous_committed_ = false;
   std::string torn_;  // why the shards are not at the same step; empty: they are
 };
-
-template <typename Body>
-void ShardedSession::ask(Shard& shard, Body body, Batch batch) {
-  wire::Request request = shard.session->next_request();
-  if (request.request_id == 0) request.request_id = shard.session->connection->next_request_id();
-  request.body = std::move(body);
-  request.batch = std::move(batch);
-  shard.request = std::move(request);
-  shard.open = true;
-  shard.reply.reset();
-  shard.refusal.reset();
-}
-
-template <typename Body>
-void ShardedSession::ask_all(const Body& body) {
-  for (Shard& shard : shards_) ask(shard, body);
-}
 
 }  // namespace shearbus

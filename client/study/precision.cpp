@@ -272,7 +272,8 @@ double message_ns(const StudyCase& study_case, const Setting& setting) {
   // The host of this measurement applies no stress.
   Client client({.endpoint = server.endpoint(), .context = server.context(), .check_closure = CheckClosure::kOff});
   Session session = client.open(support::text_of(scene_with(study_case, setting)), "scene", ids);
-  Batch request = session.request();
+  Batch request = Batch::of(wire::columns_in(Form::kFarField, session.opened.required_columns), session.node_ids.size(),
+                            session.opened.tangential_components);
   const bool forced = study_case.scene.strategy() == v1::STRATEGY_FORCE_DRIVEN;
   std::ranges::fill(request.f64(Field::kVelocityJump), study_case.velocity_jump);
   std::ranges::fill(request.f64(Field::kPressure), study_case.pressure);
@@ -283,7 +284,7 @@ double message_ns(const StudyCase& study_case, const Setting& setting) {
   std::vector<double> spent;
   for (int i = 0; i < kRounds; ++i) {
     const StepResult& result = session.advance(request, {.dt_s = study_case.end / setting.steps});
-    spent.push_back(static_cast<double>(result.round_trip().count()) - static_cast<double>(result.upscale().solver_ns));
+    spent.push_back(static_cast<double>(result.round_trip.count()) - static_cast<double>(result.upscale().solver_ns));
   }
   // Of all measured round trips the shortest has waited least for a processor.
   return *std::ranges::min_element(spent) / static_cast<double>(kNodes);

@@ -17,6 +17,7 @@
 #include "hydro_stub/subgrid_law.hpp"
 #include "server/embedded.hpp"
 #include "shearbus_places.hpp"
+#include "tests/support/step_request.hpp"
 #include "tests/support/two_half_spaces.hpp"
 
 namespace shearbus {
@@ -53,7 +54,7 @@ class StickLaw : public hydro::InterfaceLaw {
   StickLaw(const std::string& scene, const std::vector<std::uint64_t>& nodes)
       : client_({.endpoint = server_.endpoint(), .context = server_.context(), .check_closure = CheckClosure::kError}),
         session_(client_.open(scene, "scene", nodes)),
-        request_(session_.request({}, Form::kStick)) {}
+        request_(support::step_request(session_, Form::kStick)) {}
 
   void advance(const hydro::InterfaceInputs& in, hydro::InterfaceAnswer& answer) override {
     std::ranges::copy(in.velocity_jump, request_.f64(Field::kVelocityJump).begin());
@@ -66,11 +67,11 @@ class StickLaw : public hydro::InterfaceLaw {
     }
     const StepResult& result = session_.advance(request_, {.dt_s = in.dt, .time_s = in.time, .step = in.step});
     std::ranges::copy(result.shear_stress_pa(), answer.shear_stress.begin());
-    std::ranges::copy(result.velocity_jump_new_m_per_s(), answer.velocity_jump_new.begin());
-    std::ranges::copy(result.sliding_velocity_m_per_s(), answer.sliding_velocity.begin());
+    std::ranges::copy(result.batch().f64(Field::kVelocityJumpNew), answer.velocity_jump_new.begin());
+    std::ranges::copy(result.batch().f64(Field::kSlidingVelocity), answer.sliding_velocity.begin());
     std::ranges::copy(result.interface_temperature_k(), answer.interface_temperature.begin());
-    std::ranges::copy(result.friction_heat_j_per_m2(), answer.friction_heat.begin());
-    std::ranges::copy(result.regime(), answer.regime.begin());
+    std::ranges::copy(result.batch().f64(Field::kFrictionHeat), answer.friction_heat.begin());
+    std::ranges::copy(result.batch().u8(Field::kRegime), answer.regime.begin());
     closure = std::max(closure, result.upscale().largest_closure_m_per_s);
     layer_time = result.upscale().layer_time_s;
   }

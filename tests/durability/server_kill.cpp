@@ -158,11 +158,12 @@ class Host {
     ASSERT_EQ(answer.upscale().state_version, expected.upscale().state_version) << "step " << number;
     ASSERT_EQ(answer.upscale().flagged_nodes, expected.upscale().flagged_nodes) << "step " << number;
     const auto bits = [](std::span<const double> column) { return std::as_bytes(column); };
-    for (const auto& [a, b] : {std::pair{bits(answer.shear_stress_pa()), bits(expected.shear_stress_pa())},
-                               {bits(answer.sliding_velocity_m_per_s()), bits(expected.sliding_velocity_m_per_s())},
-                               {bits(answer.interface_temperature_k()), bits(expected.interface_temperature_k())},
-                               {bits(answer.velocity_jump_new_m_per_s()), bits(expected.velocity_jump_new_m_per_s())},
-                               {bits(answer.friction_heat_j_per_m2()), bits(expected.friction_heat_j_per_m2())}})
+    for (const auto& [a, b] :
+         {std::pair{bits(answer.shear_stress_pa()), bits(expected.shear_stress_pa())},
+          {bits(answer.batch().f64(Field::kSlidingVelocity)), bits(expected.batch().f64(Field::kSlidingVelocity))},
+          {bits(answer.interface_temperature_k()), bits(expected.interface_temperature_k())},
+          {bits(answer.batch().f64(Field::kVelocityJumpNew)), bits(expected.batch().f64(Field::kVelocityJumpNew))},
+          {bits(answer.batch().f64(Field::kFrictionHeat)), bits(expected.batch().f64(Field::kFrictionHeat))}})
       ASSERT_TRUE(std::equal(a.begin(), a.end(), b.begin(), b.end())) << "step " << number;
     ++compared_;
   }

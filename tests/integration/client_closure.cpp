@@ -12,6 +12,7 @@
 #include "tests/support/refused.hpp"
 #include "tests/support/running_server.hpp"
 #include "tests/support/scenes.hpp"
+#include "tests/support/step_request.hpp"
 
 namespace shearbus {
 namespace {
@@ -94,7 +95,7 @@ struct Coupled {
       : client(options(server, check)),
         session(client.open(support::text_of(support::force_scene()), "scene", kNodes)),
         host{.starts_at_rest = starts_at_rest},
-        request(session.request({}, form)) {}
+        request(support::step_request(session, form)) {}
 
   ClientOptions options(RunningServer& server, CheckClosure check) {
     ClientOptions options = server.client_options("inproc");
@@ -362,7 +363,7 @@ TEST(ClientClosure, FollowsTrialsRollbacksMarksAndSubsets) {
   for (const std::vector<std::size_t>& order : {std::vector<std::size_t>{3, 1}, {1, 3}, {1, 0, 2}}) {
     std::vector<std::uint64_t> ids;
     for (const std::size_t i : order) ids.push_back(kNodes[i]);
-    Batch some = session.request_for(ids);
+    Batch some = support::step_request(session, Form::kFarField, ids);
     host.ask(request);
     for (const wire::Column& column : request.columns())
       for (std::size_t row = 0; row < order.size(); ++row)
@@ -429,7 +430,7 @@ TEST(ClientClosure, DoubtfulInputsOfASessionAreNamedOnce) {
     const auto scene = support::text_of(force_driven ? support::force_scene() : support::velocity_scene());
     const auto play = [&](Session& session, double pressure, double dt, int steps) {
       Host host{.dt = dt};
-      Batch request = session.request();
+      Batch request = support::step_request(session);
       for (int step = 0; step < steps; ++step) {
         if (force_driven) host.ask(request);
         for (std::size_t i = 0; i < kNodes.size(); ++i) {
@@ -454,7 +455,7 @@ TEST(ClientClosure, DoubtfulInputsOfASessionAreNamedOnce) {
     const Session::Ticket ticket = session.ticket();
     session.leave();
     Session later = client.resume(ticket);
-    Batch request = later.request();
+    Batch request = support::step_request(later);
     for (double& value : request.f64(Field::kPressure)) value = -1e8;
     if (force_driven)
       for (const Field mass : {Field::kMassSoft, Field::kMassHard}) std::ranges::fill(request.f64(mass), 0.01);

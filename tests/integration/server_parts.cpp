@@ -75,7 +75,7 @@ TEST(LargeSteps, AreDividedAndCommittedAsOne) {
       const auto at = static_cast<std::size_t>(few[row] - nodes[0]);
       ASSERT_EQ(a.shear_stress_pa()[at], b.shear_stress_pa()[row]) << row;
       ASSERT_EQ(a.interface_temperature_k()[at], b.interface_temperature_k()[row]) << row;
-      ASSERT_EQ(a.outcome()[at], b.outcome()[row]) << row;
+      ASSERT_EQ(a.batch().u8(Field::kOutcome)[at], b.batch().u8(Field::kOutcome)[row]) << row;
     }
   };
   const auto columns = [&](std::span<const std::uint64_t> ids, int step) {
@@ -86,8 +86,8 @@ TEST(LargeSteps, AreDividedAndCommittedAsOne) {
   ASSERT_EQ(first.upscale().state_version, 1u);
   same(first, small.advance(columns(few, 0), {.dt_s = 1e-9}));
   const Batch second = columns(nodes, 1);
-  large.start_trial(second, {.dt_s = 1e-9});
-  same(large.finish_trial(), small.trial(columns(few, 1), {.dt_s = 1e-9}));
+  large.start(second, {.dt_s = 1e-9, .mode = wire::Mode::kTrial});
+  same(large.finish(), small.trial(columns(few, 1), {.dt_s = 1e-9}));
   EXPECT_EQ(large.commit(), 2u);
   EXPECT_EQ(large.rollback(), 2u);
   EXPECT_EQ(large.close().node_steps, 2 * nodes.size());

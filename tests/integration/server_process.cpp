@@ -141,9 +141,9 @@ TEST(ServerProgram, NoStepIsSentTwiceThatTheHostCollectsLate) {
   Session session = client.open(support::text_of(support::force_scene()), "scene", kNodes);
   for (int step = 0; step < 200; ++step) {
     const auto columns = support::step_columns(Strategy::kForceDriven, kNodes, step);
-    session.start_advance(columns, {.dt_s = 1e-9});
+    session.start(columns, {.dt_s = 1e-9});
     std::this_thread::sleep_for(2ms);
-    session.finish_trial();
+    session.finish();
   }
   EXPECT_EQ(client.server_status().replayed, 0u);
 }

@@ -224,9 +224,10 @@ TEST(Shards, TellPairsAndParametersOfAResumedSession) {
   Session::Ticket ticket;
   {
     Client client = servers.client({0, 1, 2});
-    Session session = client.open(support::text_of(support::velocity_scene()) +
-                                      "\n[pair.weak.soft]\nmaterial = \"aluminium_dlp\"\nyield_strength_pa = 20e6\n",
-                                  "scene", kNodes, {.pairs = names, .pair = pair, .parameters = {{key, strength}}});
+    Session session =
+        client.open(support::text_of(support::velocity_scene()) +
+                        "\n[pair.weak.soft]\nmaterial = \"aluminium_dlp\"\nyield_strength_pa = 20e6\n",
+                    "scene", kNodes, {.nodes = {.pairs = names, .pair = pair, .parameters = {{key, strength}}}});
     ticket = session.ticket();
     session.leave();
   }

@@ -128,12 +128,11 @@ class ShardedHost {
   }
   const StepResult& made(Session& session, wire::Mode mode, bool commit_previous, int number,
                          const std::vector<std::uint64_t>& named) const {
-    const StepOptions options{.dt_s = 1e-9, .commit_previous = commit_previous};
+    const StepOptions options{.dt_s = 1e-9, .mode = mode, .commit_previous = commit_previous};
     const Batch batch = columns(session, number, named);
-    if (mode == wire::Mode::kAdvance) return session.advance(batch, options);
-    if (number % 2 == 0) return session.trial(batch, options);
-    session.start_trial(batch, options);
-    return session.finish_trial();
+    if (mode == wire::Mode::kAdvance || number % 2 == 0) return session.step(batch, options);
+    session.start(batch, options);
+    return session.finish();
   }
   void compare(wire::Mode mode, bool commit_previous = false) {
     const int number = steps_++;
