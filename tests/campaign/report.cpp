@@ -16,7 +16,6 @@
 #include "tests/campaign/campaign.hpp"
 #include "tests/campaign/controls.hpp"
 #include "tests/campaign/random.hpp"
-#include "tests/campaign/refusals.hpp"
 
 namespace shearbus::study {
 
@@ -30,7 +29,6 @@ struct Campaign {
   std::vector<Physics> physics;
   std::vector<Row> rows;
   std::vector<std::vector<Outcome>> outcomes;  // outcome of each load history (row) with each physics: [row][physics]
-  std::vector<Refusal> refusals;
   std::vector<Control> controls;
   std::vector<RandomOutcome> random;
 };
@@ -102,12 +100,6 @@ void print_physics(const Campaign& c) {
       if (const Outcome& one = c.outcomes[r][p]; !one.reason.empty())
         fmt::print("{} {}, {}: {}\n", one.verdict == Verdict::kBroken ? "BROKEN" : name_of(one.verdict), c.rows[r].name,
                    c.physics[p].name, one.reason);
-}
-
-void print_refusals(const Campaign& c) {
-  fmt::print("\nwhat makes no sense\n");
-  for (const Refusal& one : c.refusals)
-    fmt::print("  {:<40} {}: {}\n", one.name, one.seen() ? "refused" : "NOT REFUSED AS IT SHOULD", one.text);
 }
 
 void print_controls(const Campaign& c) {
@@ -196,13 +188,11 @@ nlohmann::ordered_json random_json(const RandomOutcome& one) {
 nlohmann::ordered_json json(const Campaign& c, const StabilityOptions& options) {
   nlohmann::ordered_json out = {{"seed", options.seed}, {"steps", nullptr}, {"scene", scene_json(c, options)}};
   if (options.steps) out["steps"] = *options.steps;
-  for (const char* list : {"rows", "physics", "cells", "refusals", "controls", "random"})
+  for (const char* list : {"rows", "physics", "cells", "controls", "random"})
     out[list] = nlohmann::ordered_json::array();
   for (const Row& row : c.rows) out["rows"].push_back({{"name", row.name}, {"what", row.what}});
   for (const Physics& one : c.physics) out["physics"].push_back(one.name);
   out["cells"] = cells_json(c);
-  for (const Refusal& one : c.refusals)
-    out["refusals"].push_back({{"name", one.name}, {"refused", one.seen()}, {"field", one.named}, {"text", one.text}});
   for (const Control& one : c.controls)
     out["controls"].push_back({{"name", one.wrong.name},
                                {"what", one.wrong.what},
@@ -222,8 +212,7 @@ bool sound(const Campaign& c) {
   for (const auto& row : c.outcomes)
     for (const Outcome& one : row)
       if (one.verdict == Verdict::kBroken || (must_meet && one.verdict == Verdict::kNotMet)) return false;
-  return std::all_of(c.refusals.begin(), c.refusals.end(), [](const Refusal& one) { return one.seen(); }) &&
-         std::all_of(c.controls.begin(), c.controls.end(), [](const Control& one) { return one.seen(); }) &&
+  return std::all_of(c.controls.begin(), c.controls.end(), [](const Control& one) { return one.seen(); }) &&
          std::all_of(c.random.begin(), c.random.end(), [](const RandomOutcome& one) { return one.faults.empty(); });
 }
 
@@ -305,8 +294,6 @@ int run_stability(const StabilityOptions& options) {
   print_physics(campaign);
   if (options.row.empty()) {
     if (!campaign.scene) {
-      campaign.refusals = run_refusals();
-      print_refusals(campaign);
       campaign.controls = run_controls();
       print_controls(campaign);
     }
@@ -314,8 +301,7 @@ int run_stability(const StabilityOptions& options) {
     campaign.random = random_of(campaign, options);
     print_random(campaign);
   }
-  if (campaign.scene)
-    fmt::print("\nrefusals and wrong solvers do not depend on a scene: shearbus-study stability shows them\n");
+  if (campaign.scene) fmt::print("\nwrong solvers do not depend on a scene: shearbus-study stability shows them\n");
   write_study(options, "stability", json(campaign, options));
   return sound(campaign) ? 0 : 1;
 }

@@ -72,7 +72,7 @@ def own_scene(program, out, scene):
     # paper's.
     assert told["pressure_pa"] == 20e9 and told["soft_zone_width_m"] == 1e-5 and 2e-9 < told["dt_s"] < 6e-9, told
     assert f"mine: {told['physics']}" in text and f"host: {told['host']}" in text, text
-    assert found["physics"] == ["mine"] and not found["refusals"] and not found["controls"], found
+    assert found["physics"] == ["mine"] and not found["controls"], found
     verdicts = {cell["row"]: cell["verdict"] for cell in found["cells"]}
     assert len(verdicts) > 20 and all((v == "not asked") == (row in OF_LAYERS) for row, v in verdicts.items()), verdicts
     assert all(v != "broken" for v in verdicts.values()) and verdicts["three_roots"] == "held", verdicts

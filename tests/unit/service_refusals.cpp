@@ -92,7 +92,12 @@ std::vector<Case> force_driven_cases() {
   for (const Field field : wire::columns_of(Strategy::kForceDriven).required)
     for (const double bad : {kNan, kInf, -kInf, 1e300}) cases.push_back(value(Strategy::kForceDriven, field, bad));
   for (const Field field : {Field::kMassSoft, Field::kMassHard})
-    for (const double bad : {0.0, -1.0, 5e-324}) cases.push_back(value(Strategy::kForceDriven, field, bad));
+    for (const double bad : {0.0, -1.0, 5e-324, 1e-30, 1e30})
+      cases.push_back(value(Strategy::kForceDriven, field, bad));
+  // Values in other units.
+  for (const auto& [field, bad] :
+       {std::pair{Field::kPressure, 11.2e12}, {Field::kVelocityJump, 1e7}, {Field::kStressSoft, -1e13}})
+    cases.push_back(value(Strategy::kForceDriven, field, bad));
   for (const double bad : {0.0, -1e-9, 1.5, kNan, kInf, 5e-324}) cases.push_back(dt(bad));
   cases.push_back(shape("missing", Code::kShape, Field::kMassHard,
                         [] { return without(Strategy::kForceDriven, Field::kMassHard); }));
@@ -279,7 +284,22 @@ TEST(Refusals, OpeningsAreRefusedWhole) {
            Opening{"negative strength", Code::kInvalidScene, "soft.yield_strength_pa",
                    "soft { yield_strength_pa: -1 }"},
            Opening{"NaN constant", Code::kInvalidScene, "hard.density_kg_per_m3", "hard { density_kg_per_m3: nan }"},
+           Opening{"n = 0", Code::kInvalidScene, "soft.hardening_exponent", "soft { hardening_exponent: 0 }"},
+           Opening{"beta < 0", Code::kInvalidScene, "soft.hardening_coefficient", "soft { hardening_coefficient: -1 }"},
+           Opening{"k < 0", Code::kInvalidScene, "soft.thermal_conductivity_w_per_m_k",
+                   "soft { thermal_conductivity_w_per_m_k: -117 }"},
+           Opening{"alpha = 0", Code::kInvalidScene, "soft.thermal_diffusivity_m2_per_s",
+                   "soft { thermal_diffusivity_m2_per_s: 0 }"},
+           Opening{"T_melt infinite", Code::kInvalidScene, "soft.melting_temperature_k",
+                   "soft { melting_temperature_k: inf }"},
+           Opening{"h = 0", Code::kInvalidScene, "layer.thickness_m", "layer { thickness_m: 0 }"},
            Opening{"no cells", Code::kInvalidScene, "layer.cells", "layer { cells: 0 }"},
+           Opening{"cells beyond any memory", Code::kInvalidScene, "layer.cells", "layer { cells: 4000000000 }"},
+           Opening{"cells finer towards the far end", Code::kInvalidScene, "layer.grading", "layer { grading: 0.5 }"},
+           Opening{"mu < 0", Code::kInvalidScene, "interface.friction_coefficient",
+                   "interface { friction_coefficient: -0.3 }"},
+           Opening{"no yield strength of the interface", Code::kInvalidScene, "interface.yield_strength_pa",
+                   "strategy: STRATEGY_FORCE_DRIVEN interface { friction_coefficient: 0.3 yield_strength_pa: 0 }"},
            Opening{"too hot", Code::kInvalidScene, "layer.initial_temperature_k",
                    "layer { initial_temperature_k: 1220 }"},
            Opening{"below zero", Code::kInvalidScene, "layer.initial_temperature_k",
