@@ -12,7 +12,6 @@ import json
 import os
 import pathlib
 import queue
-import re
 import socket
 import subprocess
 import sys
@@ -22,7 +21,8 @@ import time
 
 import numpy
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client/report"))
+sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2] / room) for room in ("client/report", "tests/support")]
+import served  # noqa: E402
 from terminal import Parser, real_number, whole_number  # noqa: E402
 
 OPTIONS = None
@@ -33,20 +33,8 @@ LINK = {SERVER_SIDE: "sbbench0", HOST_SIDE: "sbbench1"}
 PORT = 5600
 BURST = 256 * 1024  # bytes of the token bucket
 REQUEST, REPLY = 6 * 8, 5 * 8 + 2  # bytes per node: six columns there; five columns and two of a byte each back
-SCENE = """name = "network"
-strategy = "force_driven"
-[soft]
-material = "aluminium_dlp"
-[hard]
-material = "steel_dlp"
-[layer]
-thickness_m = 20e-6
-cells = 20
-grading = 1.2
-[interface]
-friction_coefficient = 0.3
-yield_strength_pa = 200e6
-"""
+SCENE = served.scene("force_driven", layer={"thickness_m": 20e-6, "cells": 20, "grading": 1.2},
+                     interface={"friction_coefficient": 0.3, "yield_strength_pa": 200e6})
 
 
 def run(*words, check=True):

@@ -20,27 +20,14 @@ import time
 
 import numpy
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "client/report"))
+sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2] / room) for room in ("client/report", "tests/support")]
+import served  # noqa: E402
 from terminal import Parser, whole_number  # noqa: E402
 
 OPTIONS = None
 REFERENCE = 10_000  # nodes
 LARGEST_SESSION, LARGEST_MESSAGE = 2_000_000, 200_000  # nodes, the limits of the contract
 REPLY, FRAME = 42, 56  # bytes of a row of a reply, of which the kept one and an earlier one are there, and of the request at hand
-SCENE = """name = "scale"
-strategy = "force_driven"
-[soft]
-material = "aluminium_dlp"
-[hard]
-material = "steel_dlp"
-[layer]
-thickness_m = 20e-6
-cells = {cells}
-grading = {grading}
-[interface]
-friction_coefficient = 0.3
-yield_strength_pa = 200e6
-"""
 NO_CHECKPOINTS = ("--checkpoint-every", "1e6", "--checkpoint-after", "1048576", "--checkpoint-work", "1e18")
 
 
@@ -99,7 +86,9 @@ class Host:
     def __init__(self, endpoint, nodes, cells):
         sizes = [min(LARGEST_SESSION, nodes - first) for first in range(0, nodes, LARGEST_SESSION)]
         how = {"check_closure": "off", "reply_deadline": 600.0, "retry_after": 600.0}
-        self.sessions = [shearbus.open(SCENE.format(cells=cells, grading=1 + 4 / cells), numpy.arange(size), endpoint, **how) for size in sizes]
+        scene = served.scene("force_driven", layer={"thickness_m": 20e-6, "cells": cells, "grading": 1 + 4 / cells},
+                             interface={"friction_coefficient": 0.3, "yield_strength_pa": 200e6})
+        self.sessions = [shearbus.open(scene, numpy.arange(size), endpoint, **how) for size in sizes]
         self.nodes, self.count = nodes, 0
 
     def step(self):
