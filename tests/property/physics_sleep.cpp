@@ -1,6 +1,5 @@
 // Sleep of nodes at rest (server/physics/METHODS.md, "Sleep"), with all options that can be combined with sleep: in
-// each single step a sleeping node must answer as if it were awake. tests/unit/physics_sleep.cpp compares models over
-// many steps.
+// each single step a sleeping node must answer as if it were awake, and keep the heat that it would then have.
 #include <gtest/gtest.h>
 
 #include "tests/support/sleepers.hpp"

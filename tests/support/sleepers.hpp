@@ -92,6 +92,10 @@ class AwakeTwin {
     awake_.inputs = rig.inputs;
     awake_.inputs.effort = nullptr;
     awake_.step(dt);
+    physics::TileLedger here, there;
+    record_energy(rig, here);
+    record_energy(awake_, there);
+    for (const int l : physics::lanes_of(sleeping)) compare_heat(here, there, l);
     for (const int l : physics::lanes_of(rig.inputs.active)) compare(rig, l, (sleeping >> l & 1u) != 0, slept);
   }
 
@@ -99,6 +103,19 @@ class AwakeTwin {
   static ModelOptions without_sleep(ModelOptions options) {
     options.sleep = false;
     return options;
+  }
+
+  static void record_energy(const Rig& rig, physics::TileLedger& ledger) {
+    rig.model.record_energy(*rig.operators, rig.inputs, rig.outputs, rig.trial.data(), rig.committed.data(), ledger);
+  }
+
+  // The stored heat of a sleeper is that of its temperatures.
+  void compare_heat(physics::TileLedger& here, physics::TileLedger& there, int l) const {
+    const double heat = awake_.stored_heat(0.0, l), of_one_kelvin = heat - awake_.stored_heat(1.0, l);
+    for (const auto term :
+         {physics::LedgerTerm::kStoredSoft, physics::LedgerTerm::kStoredHard, physics::LedgerTerm::kHeatResidual})
+      require(std::abs(here(term, l) - there(term, l)) <= 2.0 * kSleeperGrain * of_one_kelvin + 1e-11 * heat,
+              "lane {}: stored heat {:.17g} J/m2 asleep, {:.17g} awake", l, here(term, l), there(term, l));
   }
 
   void compare(const Rig& rig, int l, bool slept_before, Slept& slept) const {
@@ -121,6 +138,9 @@ class AwakeTwin {
          i < layout.doubles; i += kLanes)
       same("a state", rig.committed[i], awake_.committed[i]);
     const double off = std::abs(here.interface_temperature[l] - there.interface_temperature[l]);
+    require(std::abs(rig.model.interface_temperature(rig.committed.data(), l) - here.interface_temperature[l]) <=
+                1e-13 * here.interface_temperature[l],
+            "lane {}: T0 of the state is not the answered one", l);
     require(off <= (sleeps ? kSleeperGrain : 0.0), "lane {}: T0 is {:.3g} K from that awake", l, off);
     slept.apart = std::max(slept.apart, off);
     slept.asleep += sleeps;
