@@ -18,25 +18,6 @@ void set_masses(Rig& rig, double zone = 5e-6) {
   }
 }
 
-TEST(PhysicsForceDriven, StickingDoesNotRing) {
-  Rig rig(graded(paper_options(Strategy::kForceDriven)), 1);
-  set_masses(rig);
-  double jump = 1.0;
-  for (int n = 0; n < 500; ++n) {
-    rig.set_all(jump, 11.2e9);
-    rig.inputs.stress_soft[0] = 5e7 * std::sin(0.01 * n);
-    rig.inputs.stress_hard[0] = 3e7 * std::cos(0.02 * n);
-    rig.step(1e-9);
-    jump = rig.outputs.velocity_jump_new[0];
-    ASSERT_EQ(jump, 0.0) << n;
-    ASSERT_EQ(rig.outputs.regime[0], Regime::kStick) << n;
-    if (n > 0) {
-      ASSERT_EQ(rig.outputs.sliding_velocity[0], 0.0) << n;
-      ASSERT_EQ(rig.outputs.friction_heat[0], 0.0) << n;
-    }
-  }
-}
-
 TEST(PhysicsForceDriven, TheStoppingStepTurnsTheKineticEnergyIntoWork) {
   Rig rig(graded(paper_options(Strategy::kForceDriven)), 1);
   set_masses(rig);
@@ -111,30 +92,6 @@ TEST(PhysicsForceDriven, AStepWithSeveralAnswersIsDivided) {
     EXPECT_EQ(rig.outputs.velocity_jump_new[0], 0.0);
     EXPECT_NEAR(rig.stored_heat(300.0) - heat_before, rig.outputs.friction_heat[0], 1e-9 * heat_before);
   }
-}
-
-TEST(PhysicsForceDriven, SubstepsKeepTheMomentumAndHeatOfTheStep) {
-  const ThreeRoots example;
-  Rig rig(example.options, 1);
-  set_masses(rig);
-  int divided = 0;
-  double jump = 20.0;
-  for (int n = 0; n < 200; ++n) {
-    rig.set_all(jump, 11.2e9);
-    const double acceleration = 6e10 * std::sin(0.05 * n);
-    rig.inputs.stress_soft[0] = acceleration * rig.inputs.mass_soft[0];
-    const double heat_before = rig.stored_heat(300.0);
-    rig.step(1e-9);
-    const double b = 1e-9 * (1 / rig.inputs.mass_soft[0] + 1 / rig.inputs.mass_hard[0]);
-    const double s = rig.outputs.shear_stress[0];
-    ASSERT_NEAR(rig.outputs.velocity_jump_new[0], jump + 1e-9 * acceleration - s * b, 1e-12 * (60 + std::abs(s * b)))
-        << n;
-    ASSERT_NEAR(rig.stored_heat(300.0) - heat_before, rig.outputs.friction_heat[0], 1e-12 * heat_before) << n;
-    ASSERT_LT(rig.outputs.interface_temperature[0], 1220.0) << n;
-    divided += rig.outputs.outcome[0] & kSubstepped ? 1 : 0;
-    jump = rig.outputs.velocity_jump_new[0];
-  }
-  EXPECT_GT(divided, 0);
 }
 
 }  // namespace

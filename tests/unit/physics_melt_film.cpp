@@ -1,13 +1,10 @@
 // The melt film of a force-driven interface (server/physics/MODEL.md, "Melt film").
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 #include <vector>
 
-#include "server/physics/solver/parts.hpp"
-#include "tests/support/invariants.hpp"
-#include "tests/support/twin.hpp"
+#include "tests/support/random_physics.hpp"
 
 namespace shearbus::testing {
 namespace {
@@ -26,12 +23,6 @@ ModelOptions melting_options(int cells = 40, double grading = 1.12) {
 void impose(Rig& rig, double jump, double pressure = kPressure) {
   rig.set_all(jump, pressure);
   for (int l = 0; l < kLanes; ++l) rig.inputs.mass_soft[l] = rig.inputs.mass_hard[l] = 1e12;
-}
-
-// The states of a pulse: the jump rises to 300 m/s, stays, falls to 0.
-double pulse(double t) {
-  constexpr double kRise = 50e-9, kEnd = 400e-9;
-  return 300.0 * std::clamp(std::min(t, kEnd - t) / kRise, 0.0, 1.0);
 }
 
 // Until the interface melts the step is that of a solid contact whose strength does not fall near T_melt.
@@ -79,37 +70,6 @@ TEST(PhysicsMeltFilm, AColdContactThatHoldsSticks) {
     }
   }
   EXPECT_GT(stuck, 5000);
-}
-
-TEST(PhysicsMeltFilm, InvariantsAndTwinHoldThroughAPulse) {
-  for (const double dt : {0.25e-9, 1e-9, 4e-9}) {
-    Rig rig(melting_options(16, 1.3));
-    Figures figures;
-    Worst worst;
-    int compared = 0;
-    for (int n = 1; n * dt < 450e-9; ++n) {
-      impose(rig, pulse(n * dt));
-      const bool compares = n % 61 == 0;
-      reference::NodeState state = rig.node_state(0);
-      const std::vector<double> strain = state.plastic_strain;
-      const reference::NodeInputs inputs = rig.node_inputs(0);
-      rig.step(dt);
-      try {
-        require_invariants(rig, 0, dt, figures);
-        if (compares) {
-          const reference::NodeOutputs twin = reference::advance_one(rig.model.options(), dt, inputs, state);
-          require_agreement(rig, strain, twin, state, 0, dt, worst);
-          ++compared;
-        }
-      } catch (const Broken& broken) {
-        FAIL() << "dt " << dt << ", step " << n << ": " << broken.what();
-      }
-    }
-    std::printf("dt %g: films %ld of %ld, compared %d: worst s %.1e, T0 %.1e K, heat %.1e\n", dt, figures.films,
-                figures.node_steps, compared, worst.stress, worst.temperature, figures.heat_residual);
-    EXPECT_GT(figures.films, 50e-9 / dt);
-    EXPECT_EQ(rig.film_thickness(), 0.0);
-  }
 }
 
 }  // namespace

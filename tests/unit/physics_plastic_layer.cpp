@@ -265,27 +265,6 @@ TEST(PhysicsPlasticLayer, SlipGoesOnBesideALayerAsStrongAsTheInterface) {
   }
 }
 
-// The cold hard body cools the layer at z = 0, so the layer is hottest and weakest at its far face (vertex 60). The
-// stress ceiling Y_max g / sqrt(3) must be that of the far face, and the surplus flow must go there.
-TEST(PhysicsPlasticLayer, TheCeilingActsAtTheHottestVertexWhereverItIs) {
-  ModelOptions options = two_sided(plastic_options());
-  options.soft.hardening_coefficient = 0.0;
-  options.interface = {0.3, 1e9};
-  options.initial_temperature = 900.0;
-  Rig rig(options, 1);
-  rig.start_hard(300.0);
-  set_masses(rig);
-  for (int n = 0; n < 300; ++n) {
-    rig.set_all(50.0, 11.2e9);
-    rig.step(1e-9);
-  }
-  ASSERT_LT(rig.T(0), rig.T(60));
-  EXPECT_NEAR(rig.stress() / (200e6 * softening(options.soft, 11.2e9, rig.T(60)).g / kSqrt3), 1.0, 1e-12);
-  EXPECT_EQ(rig.ep(0), 0.0);
-  EXPECT_GT(rig.ep(60), 0.0);
-  EXPECT_EQ(rig.committed[rig.model.layout().sticking], 1.0);
-}
-
 // A zone that shears against the jump and faster than it drags the interface along with its shear.
 TEST(PhysicsPlasticLayer, AShearAgainstTheJumpGivesTheStressItsDirection) {
   const ModelOptions options = plastic_options();

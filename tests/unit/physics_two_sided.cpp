@@ -124,26 +124,6 @@ TEST(PhysicsTwoSided, TheHardBodyDrawsHeatBackThroughTheInterface) {
   }
 }
 
-// A layer that has cooled at z = 0 is hottest, and thus weakest, at its far face. The largest stress that the layer
-// carries, its ceiling Y_max g / sqrt(3), must be that of the far face, where all further plastic flow takes place.
-TEST(PhysicsTwoSided, TheCeilingActsAtTheHottestVertexWhereverItIs) {
-  ModelOptions options = two_sided(paper(Strategy::kVelocityDriven, FarBoundary::kInsulated));
-  options.hard_grid->far_boundary = FarBoundary::kHalfSpace;
-  options.soft.hardening_coefficient = 0.0;  // perfect plasticity: the flow stress equals its ceiling
-  Rig rig(options, 1);
-  rig.set_all(100.0, 11.2e9);
-  for (int n = 0; n < 1000; ++n) rig.step(kDt);
-  rig.set_all(100.0, -1e9);
-  for (int n = 0; n < 1000; ++n) rig.step(2e-8);
-  ASSERT_LT(rig.T(0), rig.T(60));
-  const double at_far_face = rig.ep(60), at_interface = rig.ep(0);
-  rig.set_all(1.0, 11.2e9);
-  for (int n = 0; n < 200; ++n) rig.step(kDt);
-  EXPECT_NEAR(rig.stress() / (200e6 * softening(options.soft, 11.2e9, rig.T(60)).g / kSqrt3), 1.0, 1e-12);
-  EXPECT_GT(rig.ep(60), at_far_face);
-  EXPECT_EQ(rig.ep(0), at_interface);
-}
-
 TEST(PhysicsTwoSided, WarningsNameTheHardFace) {
   ModelOptions options = two_sided(paper());
   EXPECT_TRUE(Model(options).warnings().empty());

@@ -109,29 +109,6 @@ TEST(PhysicsVelocityDriven, AStressJustBelowItsBoundDoesNotSwallowTheSlip) {
   }
 }
 
-// Near melting the flow stress changes by much more than the stress: the strain of an answer must be that of its stress
-// and temperature. Layers run into melting in one step.
-TEST(PhysicsVelocityDriven, NearMeltingTheLayerFlowsUnderItsFlowStress) {
-  Figures figures;
-  for (const double n : {0.05, 0.1, 0.5, 1.0}) {
-    for (const double dt : {1e-9, 1e-8, 1e-7, 1e-6}) {
-      ModelOptions options = graded(paper_options(), 40, 1.12);
-      options.soft.hardening_exponent = n;
-      Rig rig(options);
-      for (int step = 0; step < 4; ++step) {
-        for (int l = 0; l < kLanes; ++l) {
-          rig.inputs.velocity_jump[l] = 1000.0 * (l + 1);
-          rig.inputs.pressure[l] = 11.2e9;
-        }
-        rig.step(dt);
-        for (int l = 0; l < kLanes; ++l) ASSERT_NO_THROW(require_invariants(rig, l, dt, figures)) << n << ", " << dt;
-      }
-    }
-  }
-  EXPECT_LT(figures.nearest_melting, 1.0);
-  EXPECT_GT(figures.regime(Regime::kMelting), 400);
-}
-
 // A step begins its search at the stress before the step. Here this stress would bring the interface to within a
 // fraction of a kelvin of melting, where the last digit of the stress changes the flow by any amount; yet it is no
 // answer, because the layer would flow by far too much.
