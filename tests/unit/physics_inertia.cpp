@@ -46,26 +46,6 @@ TEST(PhysicsInertia, MomentumOfTheLayerIsTheImpulseOfItsTwoFaces) {
   }
 }
 
-// For any factor L, the scaling (v, t, z, h, dt, rho) -> (L v, t/L^2, z/L, h/L, dt/L^2, rho/L^2) of velocity, time,
-// depth, layer thickness, step length and density changes neither temperature nor stress.
-TEST(PhysicsInertia, ScaledProblemsHaveTheSameAnswer) {
-  for (double L : {2.0, 3.7}) {
-    ModelOptions options = with_inertia(graded(paper_options()));
-    ModelOptions scaled_options = options;
-    scaled_options.grid.thickness /= L;
-    scaled_options.soft.density /= L * L;
-    Rig rig(options, 1), scaled(scaled_options, 1);
-    for (int n = 0; n < 400; ++n) {
-      rig.set_all(100.0, 11.2e9);
-      scaled.set_all(100.0 * L, 11.2e9);
-      rig.step(1e-9);
-      scaled.step(1e-9 / (L * L));
-      for (int i = 0; i <= 60; i += 10) ASSERT_NEAR(stress_at(rig, i) / stress_at(scaled, i), 1.0, 1e-9) << n;
-      ASSERT_NEAR(rig.outputs.interface_temperature[0] / scaled.outputs.interface_temperature[0], 1.0, 1e-12) << n;
-    }
-  }
-}
-
 double mass_behind(const Rig& rig, int lane) {
   const ModelOptions& options = rig.model.options();
   return rig.inputs.mass_soft[lane] - options.soft.density * options.grid.thickness;
