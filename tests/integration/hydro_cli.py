@@ -159,27 +159,6 @@ class Results(HydroTest):
         self.assertLess(summary["momentum_residual"], 1e-12)
         self.assertLess(summary["energy_residual"], 1e-12)
 
-    def test_mirrored_jump_mirrors_every_bit(self):
-        values = self.run_well()
-        for name in ("shear_stress", "sliding_velocity", "velocity_jump_new"):
-            np.testing.assert_array_equal(values[name][:, 2], -values[name][:, 3])
-        np.testing.assert_array_equal(values["interface_temperature"][:, 2], values["interface_temperature"][:, 3])
-
-    def test_stuck_column_stays_stuck(self):
-        values = self.run_well()
-        np.testing.assert_array_equal(values["velocity_jump_new"][:, 0], 0.0)
-        self.assertEqual(set(values["regime"][:, 0]), {1})
-
-    def test_columns_together_are_the_columns_alone_bit_for_bit(self):
-        for law in ("subgrid", "coulomb_tresca"):
-            self.scene.write_text(SCENE)
-            together = self.run_well("--interface-law", law)
-            for i, jump in enumerate([10.0, 50.0, 100.0, -100.0, 400.0]):
-                self.edited("[10.0, 50.0, 100.0, -100.0, 400.0]", f"[{jump}]")
-                alone = self.run_well("--interface-law", law)
-                for name in ("shear_stress", "velocity_jump_new", "interface_temperature", "stress_soft", "stress_hard"):
-                    np.testing.assert_array_equal(together[name][:, i], alone[name][:, 0], f"{law} {jump} {name}")
-
     def test_laws_differ_and_are_named(self):
         subgrid = self.run_well()
         macroscopic = self.run_well("--interface-law", "coulomb_tresca")
