@@ -133,14 +133,6 @@ class Steps(Live):
         few = self.open().step(1e-9, **drive(-100, 100, answer.stress[0] * 0))
         self.assertEqual((answer.stress[0], answer.stress[-1]), (few.stress[0], few.stress[1]))
 
-    def test_a_subset_is_stepped_with_the_bits_of_the_whole(self):
-        whole, parts = self.open(), self.open()
-        expected = whole.step(1e-9, **drive(50, 60, 70)).temperature
-        rest = parts.step(1e-9, nodes=[2**64 - 1, 3], **drive(70, 50))
-        one = parts.step(1e-9, nodes=[7], **drive(60))
-        self.assertEqual(list(rest.nodes), [2**64 - 1, 3])
-        self.assertEqual((rest.temperature[1], one.temperature[0], rest.temperature[0]), tuple(expected))
-
     def test_a_step_in_two_halves_has_the_bits_of_a_whole_one(self):
         many = numpy.arange(1, 5001)  # which the library reads where they are
         for nodes in (NODES, many):
@@ -605,15 +597,6 @@ class Losses(Live):
         threading.Timer(0.4, server.go).start()  # the next call waits, too
         self.assertEqual(bus.close().node_steps, 3)
 
-    def test_a_server_without_durability_that_was_replaced_is_told(self):
-        server = self.serve(durable=False)
-        bus = self.open(endpoint=server.endpoint, reply_deadline=5.0, retry_after=0.3)
-        bus.step(1e-9, **drive(1, 2, 3))
-        server.end()
-        server.start()
-        self.assert_refused(shearbus.SessionError, "EPOCH", lambda: bus.step(1e-9, **drive(1, 2, 3)))
-        bus.leave()
-
 
 class Hosts(Live):
 
@@ -716,30 +699,6 @@ class Processes(Live):
             server.go()
             self.assertEqual(host.returncode, 0, (name, said))
             self.assertNotIn("FATAL", said)
-
-    def test_a_killed_host_leaves_its_layers_and_its_trial_to_a_successor(self):
-        server = self.serve()
-        begin = ("import shearbus, sys; bus = shearbus.open(sys.argv[1], [1, 2, 3], sys.argv[2]); step = dict(jump=[1.0, 2.0, 3.0], pressure=11.2e9)\n"
-                 "bus.step(1e-9, **step); bus.trial(1e-9, **step); print(bus.ticket, flush=True); sys.stdin.readline()\n"
-                 "try: bus.commit()\n"
-                 "except shearbus.SessionError as fault: print(fault)")
-        whole = self.open(nodes=[1, 2, 3], endpoint=server.endpoint)
-        expected = [whole.step(1e-9, **self.STEP) for _ in range(3)][-1]
-        whole.leave()
-        for killed in (True, False):  # a host that only hangs is told when it goes on
-            host = self.host(begin, VELOCITY_DRIVEN, server.endpoint)
-            ticket = host.stdout.readline().strip()
-            if killed:
-                host.kill()
-                server.end()
-                server.start()
-            successor = shearbus.resume(ticket, server.endpoint)
-            self.assertEqual(successor.commit(), 2)
-            numpy.testing.assert_array_equal(successor.step(1e-9, **self.STEP).temperature, expected.temperature)
-            said, _ = host.communicate(None if killed else "\n", timeout=60)
-            self.assertEqual(said.split(":")[0], "" if killed else "SUPERSEDED")
-            self.assertEqual(successor.step(1e-9, **self.STEP).state_version, 4)
-            successor.close()
 
     def test_a_session_is_not_pickled_and_an_answer_is(self):
         bus = self.open()
