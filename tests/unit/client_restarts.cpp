@@ -8,6 +8,7 @@
 
 #include "client/src/client.hpp"
 #include "client/src/connection.hpp"
+#include "tests/support/direct_connection.hpp"
 #include "tests/support/durable_server.hpp"
 #include "tests/support/memory_storage.hpp"
 #include "tests/support/refused.hpp"
@@ -115,19 +116,14 @@ class LosingConnection final : public Connection {
  public:
   explicit LosingConnection(Restarted& server) : Connection({}), server_(server) {}
   Received call(const wire::Request& request, std::chrono::milliseconds) override {
-    auto answer = std::make_shared<support::Answer>(server_.server->ask(request));
+    support::Answer answer = server_.server->ask(request);
     const auto* resume = std::get_if<wire::ResumeSession>(&request.body);
     if (resume != nullptr && resume->claim != 0 && server_.claims_to_lose > 0) {
       --server_.claims_to_lose;
       server_.restart();
       throw Error({.code = Code::kUnknownOutcome, .text = "no answer"});
     }
-    Received received{.payload_frame = answer, .reply = {}};
-    const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(answer->frames.header)),
-                                                  answer->frames.payload};
-    wire::decode(std::span(frames, answer->frames.has_payload ? 2 : 1), received.reply);
-    if (!received.reply.status.ok()) throw Error(received.reply.status);
-    return received;
+    return support::received(std::move(answer));
   }
   void say(const wire::Request&) noexcept override {}
 

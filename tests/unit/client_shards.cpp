@@ -13,6 +13,7 @@
 #include "client/src/client.hpp"
 #include "client/src/sharded_connection.hpp"
 #include "client/src/shards.hpp"
+#include "tests/support/direct_connection.hpp"
 #include "tests/support/durable_server.hpp"
 #include "tests/support/memory_storage.hpp"
 #include "tests/support/refused.hpp"
@@ -88,12 +89,7 @@ class ServerConnection final : public Connection {
     ++calls;
     note("call", request);
     if (is_gone) throw Error({.code = Code::kUnreachable, .text = "gone"});
-    auto answer = std::make_shared<support::Answer>(server_.ask(request));
-    Received received{.payload_frame = answer, .reply = {}};
-    const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(answer->frames.header)),
-                                                  answer->frames.payload};
-    wire::decode(std::span(frames, answer->frames.has_payload ? 2 : 1), received.reply);
-    if (!received.reply.status.ok()) throw Error(received.reply.status);
+    Received received = support::received(server_.ask(request));
     if (auto* welcome = std::get_if<wire::Welcome>(&received.reply.body); welcome != nullptr && !version.empty())
       welcome->server_version = version;
     if (auto* welcome = std::get_if<wire::Welcome>(&received.reply.body); welcome != nullptr && rows_of_message > 0)

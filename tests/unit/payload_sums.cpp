@@ -13,6 +13,7 @@
 #include "client/src/client.hpp"
 #include "client/src/connection.hpp"
 #include "proto/wire/codec.hpp"
+#include "tests/support/direct_connection.hpp"
 #include "tests/support/durable_server.hpp"
 #include "tests/support/memory_storage.hpp"
 #include "tests/support/refused.hpp"
@@ -120,14 +121,9 @@ class LosingConnection final : public Connection {
  public:
   explicit LosingConnection(ServiceHarness& server) : Connection({}), server_(server) { leave_out_payload_sums(); }
   Received call(const wire::Request& request, std::chrono::milliseconds) override {
-    auto answer = std::make_shared<support::Answer>(server_.ask(request, kInProcess));
+    support::Answer answer = server_.ask(request, kInProcess);
     if (std::exchange(lose, false)) throw Error({.code = Code::kUnknownOutcome, .text = "no answer"});
-    Received received{.payload_frame = answer, .reply = {}};
-    const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(answer->frames.header)),
-                                                  answer->frames.payload};
-    wire::decode(std::span(frames, answer->frames.has_payload ? 2 : 1), received.reply, PayloadSum::kLeftOut);
-    if (!received.reply.status.ok()) throw Error(received.reply.status);
-    return received;
+    return support::received(std::move(answer), PayloadSum::kLeftOut);
   }
   void say(const wire::Request&) noexcept override {}
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tests/durability/simulation/world.hpp"
+#include "tests/support/direct_connection.hpp"
 #include "tests/support/service_harness.hpp"
 
 namespace shearbus::simulation {
@@ -85,13 +86,7 @@ class DirectConnection final : public Connection {
  public:
   explicit DirectConnection(support::ServiceHarness& harness) : Connection({}), harness_(harness) {}
   Received call(const wire::Request& request, std::chrono::milliseconds) override {
-    auto answer = std::make_shared<support::Answer>(harness_.ask(request));
-    Received received{.payload_frame = answer, .reply = {}};
-    const std::span<const std::byte> frames[2] = {std::as_bytes(std::span(answer->frames.header)),
-                                                  answer->frames.payload};
-    wire::decode(std::span(frames, answer->frames.has_payload ? 2 : 1), received.reply);
-    if (!received.reply.status.ok()) throw Error(received.reply.status);
-    return received;
+    return support::received(harness_.ask(request));
   }
   void say(const wire::Request&) noexcept override {}
 
