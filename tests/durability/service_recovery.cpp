@@ -176,26 +176,6 @@ TEST_P(Recovery, AMarkBringsBackItsStatesToTheLastBit) {
   EXPECT_EQ(server.service.status().state_bytes, 0u);
 }
 
-TEST(Recovery, AClosedSessionStaysClosed) {
-  for (const bool checkpoint : {false, true}) {
-    MemoryStorage disk;
-    const wire::Request goodbye = ServiceHarness::in_session(wire::CloseSession{}, 1);
-    {
-      DurableServer server(disk);
-      server.ask(opening(Strategy::kVelocityDriven));
-      EXPECT_EQ(server.ask(goodbye).code(), Code::kOk);
-      if (checkpoint) {
-        EXPECT_TRUE(server.service.checkpoint());
-      }
-    }
-    DurableServer server(disk);
-    EXPECT_TRUE(server.ask(goodbye).reply.replayed);
-    EXPECT_EQ(server.ask(opening(Strategy::kVelocityDriven)).code(), Code::kStaleSequence);
-    EXPECT_EQ(server.service.status().sessions, 0u);
-    EXPECT_EQ(server.service.status().state_bytes, 0u);
-  }
-}
-
 TEST(Recovery, ARefusedRequestIsNotInTheJournal) {
   MemoryStorage disk;
   DurableServer server(disk);
