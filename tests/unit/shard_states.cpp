@@ -1,10 +1,8 @@
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <bit>
 #include <cstdint>
 #include <cstring>
-#include <random>
 #include <vector>
 
 #include "server/service/columns.hpp"
@@ -107,35 +105,6 @@ void expect_same_rows(const Outputs& a, const Outputs& b) {
 class ShardOf : public testing::TestWithParam<Strategy> {};
 INSTANTIATE_TEST_SUITE_P(Strategies, ShardOf, support::both<Strategy>(), support::name_of_strategy);
 
-TEST_P(ShardOf, StatesMoveOnlyWithCommit) {
-  Fixture f(GetParam(), 21);
-  const auto before = f.states();
-  f.trial(0);
-  EXPECT_TRUE(f.shard.has_trial());
-  EXPECT_TRUE(same_bits(f.states(), before));
-  EXPECT_EQ(f.shard.state_version(), 0u);
-  f.shard.commit();
-  EXPECT_FALSE(same_bits(f.states(), before));
-  EXPECT_FALSE(f.shard.has_trial());
-  EXPECT_EQ(f.shard.state_version(), 1u);
-}
-
-TEST_P(ShardOf, TrialRollbackTrialIsOneAdvance) {
-  Fixture direct(GetParam(), 21);
-  Fixture hesitant(GetParam(), 21);
-  for (int step = 0; step < 20; ++step) {
-    const Outputs expected = direct.advance(step);
-    hesitant.trial(step + 1000);  // a trial with other inputs, rolled back on the next line
-    hesitant.shard.rollback();
-    // a trial of two nodes that the trial on the next line replaces
-    hesitant.trial(step + 2000, {hesitant.ids[3], hesitant.ids[20]});
-    const Outputs answer = hesitant.trial(step);
-    hesitant.shard.commit();
-    expect_same_rows(answer, expected);
-  }
-  EXPECT_TRUE(same_bits(direct.states(), hesitant.states()));
-}
-
 TEST_P(ShardOf, BitsDoNotDependOnThreadsOrOnHowWorkIsCut) {
   constexpr std::size_t kNodes = 203;
   Fixture alone(GetParam(), kNodes);
@@ -148,28 +117,6 @@ TEST_P(ShardOf, BitsDoNotDependOnThreadsOrOnHowWorkIsCut) {
     for (auto& other : others) expect_same_rows(other->advance(step), expected);
   }
   for (auto& other : others) EXPECT_TRUE(same_bits(other->states(), alone.states()));
-}
-
-TEST_P(ShardOf, BitsDoNotDependOnBatchesOrTheirOrder) {
-  constexpr std::size_t kNodes = 37;
-  Fixture whole(GetParam(), kNodes);
-  Fixture split(GetParam(), kNodes, 2, 4);
-  std::mt19937 random(7);
-  std::vector<std::uint64_t> order = whole.ids;
-  for (int step = 0; step < 15; ++step) {
-    const Outputs expected = whole.advance(step);
-    std::shuffle(order.begin(), order.end(), random);
-    std::uniform_int_distribution<std::ptrdiff_t> cuts(1, kNodes - 1);
-    const std::ptrdiff_t cut = cuts(random);
-    for (const std::vector<std::uint64_t>& part :
-         {std::vector(order.begin(), order.begin() + cut), std::vector(order.begin() + cut, order.end())}) {
-      const Outputs answer = split.advance(step, part);
-      for (std::size_t row = 0; row < part.size(); ++row)
-        ASSERT_EQ(answer.row_bits(row), expected.row_bits(part[row] - whole.ids[0]))
-            << "node " << part[row] << " step " << step;
-    }
-  }
-  EXPECT_TRUE(same_bits(whole.states(), split.states()));
 }
 
 TEST_P(ShardOf, NodesThatAreNotAskedKeepTheirBits) {
