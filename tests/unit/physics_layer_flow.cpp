@@ -61,14 +61,6 @@ class Summed {
   Layer& layer_;
 };
 
-// The sums of one lane have the same bits in both, and have written the same strain.
-void expect_same_lane(const Summed& one, const Summed& other, const Layer& layer, const Layer& other_layer, int lane) {
-  ASSERT_EQ(one.flow.slip[lane], other.flow.slip[lane]);
-  ASSERT_EQ(one.flow.slope[lane], other.flow.slope[lane]);
-  for (std::size_t i = 0; i < layer.n; ++i)
-    ASSERT_EQ(layer.strain_new[place(i, lane)], other_layer.strain_new[place(i, lane)]);
-}
-
 // A layer whose lanes are heated and hardened at random: most of them hottest and hardest at z = 0, some anywhere.
 struct ExpandedLayer : Layer {
   explicit ExpandedLayer(Draw& draw)
@@ -231,28 +223,6 @@ TEST(PhysicsExpandedFlow, KeepsNoVertexOfAStressLeftBehind) {
   }
 }
 
-// The bits of a lane are those of a lane that is summed by itself.
-TEST(PhysicsExpandedFlow, ALaneDoesNotSeeTheOthers) {
-  Draw draw(7);
-  for (int n = 0; n < 100; ++n) {
-    ExpandedLayer layer(draw);
-    ExpandedLayer alone = layer;
-    const int lane = n % kLanes;
-    for (int l = 0; l < kLanes; ++l) alone.stress[l] = l == lane ? layer.stress[l] : 0.0;
-    Expanded one(alone), all(layer);
-    for (int move = 0; move < 20; ++move) {
-      for (int l = 0; l < kLanes; ++l) {
-        const double change = draw.chance(0.5) ? draw.log_uniform(1e-6, 0.03) : -draw.log_uniform(1e-6, 0.03);
-        all.flow.stress[l] = layer.stress[l] * (1.0 + (l == lane && draw.chance(0.3) ? 0.0 : change));
-      }
-      one.flow.stress[lane] = all.flow.stress[lane];
-      one.sum(1u << lane);
-      all.sum();
-      ASSERT_NO_FATAL_FAILURE(expect_same_lane(one, all, alone, layer, lane)) << n;
-    }
-  }
-}
-
 // The root by the expansion balances, where the expansion reaches it and the same vertices yield.
 TEST(PhysicsExpandedFlow, TheRootOfTheExpansionBalances) {
   Draw draw(9);
@@ -377,32 +347,6 @@ TEST(PhysicsSearchedFlow, TheSlopeIsTheDerivative) {
     }
   }
   EXPECT_GT(compared, 500);
-}
-
-// The bits of a lane do not depend on the loads of the others, nor on how often these are summed.
-TEST(PhysicsSearchedFlow, ALaneDoesNotSeeTheOthers) {
-  Draw draw(7);
-  for (int n = 0; n < 60; ++n) {
-    SearchedLayer layer(draw);
-    SearchedLayer alone = layer;
-    const int lane = n % kLanes;
-    Summed one(alone), all(layer);
-    for (int l = 0; l < kLanes; ++l) {
-      one.set(l, l == lane ? layer.stress[l] : 0.0);
-      all.set(l, layer.stress[l]);
-    }
-    for (int move = 0; move < 12; ++move) {
-      const bool stays = draw.chance(0.4);
-      for (int l = 0; l < kLanes; ++l) {
-        const double change = draw.sign() * draw.log_uniform(1e-10, 0.03);
-        if (move > 0 && (l != lane || !stays)) all.set(l, layer.stress[l] * (1.0 + change));
-        if (move > 0 && l == lane && !stays) one.set(l, layer.stress[l] * (1.0 + change));
-      }
-      all.sum();
-      if (move == 0 || !stays) one.sum(1u << lane);
-      ASSERT_NO_FATAL_FAILURE(expect_same_lane(one, all, alone, layer, lane)) << n;
-    }
-  }
 }
 
 // The flow nearby is the flow where its power of the stress goes through two sums.
