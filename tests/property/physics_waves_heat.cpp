@@ -44,6 +44,7 @@ TEST(PhysicsWavesHeat, TheWorkOfTheJumpIsMotionStrainAndHeat) {
         const bool closes = rig.trial[place(layout.regime, 0, l)] == static_cast<double>(Regime::kOpen);
         if (rig.inputs.pressure[l] <= 0.0 || closes) continue;
         SCOPED_TRACE("scene " + std::to_string(scene) + ", step " + std::to_string(n) + ", lane " + std::to_string(l));
+        ASSERT_EQ(rig.outputs.mean_shear_stress[l], stress_at(rig, 0, l));
         const double work = rig.outputs.mean_far_stress[l] * rig.inputs.velocity_jump[l] * dt;
         Energies sums{.size = std::abs(work)};
         for (int i = 0; i <= grid.num_cells(); ++i) {

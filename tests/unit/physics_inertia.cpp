@@ -3,7 +3,6 @@
 // exact solutions.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -15,79 +14,9 @@
 namespace shearbus::testing {
 namespace {
 
-// What the soft body loses with the mean stress at z = h, and the hard one gains with that at z = 0, is what the layer
-// gains, in momentum.
-TEST(PhysicsInertia, MomentumOfTheLayerIsTheImpulseOfItsTwoFaces) {
-  for (const bool stages : {false, true}) {
-    ModelOptions options = with_inertia(graded(paper_options()));
-    if (stages) options = of_second_order(options);
-    Rig rig(options, 1);
-    rig.inputs.wants_mean_stress = true;
-    double jump = 0.0;
-    for (int n = 1; n <= 400; ++n) {
-      const Grid& grid = rig.model.grid();
-      const bool first = n == 1;
-      jump = 120.0 * std::sin(2e7 * n * 1e-9);
-      double before = 0.0, after = 0.0, size = 0.0;
-      for (int c = 0; c < grid.num_cells(); ++c)
-        before += options.soft.density * grid.width[c] * (first ? jump : velocity_in(rig, c));
-      rig.set_all(jump, 11.2e9);
-      rig.step(1e-9);
-      for (int c = 0; c < grid.num_cells(); ++c) {
-        after += options.soft.density * grid.width[c] * velocity_in(rig, c);
-        size += options.soft.density * grid.width[c] * 120.0;
-      }
-      const double near = rig.outputs.mean_shear_stress[0], far = rig.outputs.mean_far_stress[0];
-      ASSERT_NEAR(after - before, 1e-9 * (far - near), 1e-11 * size) << n;
-      if (stages) continue;
-      ASSERT_EQ(near, stress_at(rig, 0));
-      ASSERT_EQ(far, stress_at(rig, grid.num_cells()));
-    }
-  }
-}
-
 double mass_behind(const Rig& rig, int lane) {
   const ModelOptions& options = rig.model.options();
   return rig.inputs.mass_soft[lane] - options.soft.density * options.grid.thickness;
-}
-
-// Mean velocity of the layer and the mass behind it, relative to the hard body.
-double mean_velocity(const Rig& rig, int lane) {
-  const Grid& grid = rig.model.grid();
-  const int n = grid.num_cells();
-  double momentum = mass_behind(rig, lane) * velocity_in(rig, n, lane);
-  for (int c = 0; c < n; ++c) momentum += rig.model.options().soft.density * grid.width[c] * velocity_in(rig, c, lane);
-  return momentum / rig.inputs.mass_soft[lane];
-}
-
-// The jump that the host's own balance (61) leaves is that of layer and mass, whatever slips, flows or opens.
-TEST(PhysicsInertiaForced, TheHostsJumpIsThatOfTheLayerAndTheMassBehindIt) {
-  Draw draw(71);
-  int closed = 0, slipping = 0, flowing = 0;
-  for (int scene = 0; scene < 60; ++scene) {
-    Rig rig(random_forced_inertia_options(draw, false));
-    for (int step = 0; step < 15; ++step) {
-      random_inputs(draw, rig, false);
-      if (step > 0 && draw.chance(0.7)) std::copy_n(rig.outputs.velocity_jump_new, kLanes, rig.inputs.velocity_jump);
-      rig.step(random_dt(draw, false));
-      for (int l = 0; l < kLanes; ++l) {
-        ASSERT_EQ(rig.outputs.outcome[l] & kFailed, 0) << scene << ' ' << step << ' ' << l;
-        const double dt = rig.operators->dt();
-        double size = std::abs(rig.inputs.velocity_jump[l]) +
-                      dt * (std::abs(rig.inputs.stress_soft[l]) / rig.inputs.mass_soft[l] +
-                            std::abs(rig.inputs.stress_hard[l]) / rig.inputs.mass_hard[l] +
-                            std::abs(rig.outputs.shear_stress[l]) *
-                                (1.0 / rig.inputs.mass_soft[l] + 1.0 / rig.inputs.mass_hard[l]));
-        for (int c = 0; c <= rig.model.grid().num_cells(); ++c) size = std::max(size, std::abs(velocity_in(rig, c, l)));
-        ASSERT_NEAR(mean_velocity(rig, l), rig.outputs.velocity_jump_new[l], 1e-11 * size)
-            << scene << ' ' << step << ' ' << l;
-        closed += rig.outputs.regime[l] != Regime::kOpen;
-        slipping += rig.outputs.regime[l] != Regime::kOpen && rig.outputs.sliding_velocity[l] != 0.0;
-        flowing += rig.plastic_slip(l) > rig.plastic_slip_of(rig.trial, l);
-      }
-    }
-  }
-  EXPECT_GT(std::min({closed, slipping, flowing}), 500);
 }
 
 // An elastic layer whose interface sticks: after a push the energy of both bodies, of the layer and its elasticity never
