@@ -1,12 +1,9 @@
 // Materials, exact solutions and small helpers for the tests of the two-dimensional hydrocode.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <functional>
-#include <stdexcept>
-#include <string>
 #include <vector>
 
 #include "hydro_stub/lagrange/cycle.hpp"
@@ -61,20 +58,6 @@ inline std::function<Vec2(int, int)> rectangle(int nx, int ny, Vec2 low, Vec2 hi
 // Returns a perfectly plastic metal.
 inline hydro::Metal plastic_metal(const MieGrueneisen& eos, double shear_modulus, double yield) {
   return {.eos = eos, .strength = constant_yield(eos.density, shear_modulus, yield)};
-}
-
-// Returns the computed value of the comparison with the name `what`; a comparison pairs a computed with an exact value.
-inline double found(const std::vector<hydro::Comparison>& comparisons, const std::string& what) {
-  for (const hydro::Comparison& c : comparisons) {
-    if (c.what == what) return c.found;
-  }
-  throw std::invalid_argument("nothing is compared under the name " + what);
-}
-
-// Returns the change of the total energy minus the work done at the boundaries, relative to the total energy.
-inline double energy_residual(const lagrange::Ledger& start, const lagrange::Ledger& end) {
-  return (end.total_energy() - end.work_given - start.total_energy()) /
-         std::max(start.total_energy(), end.total_energy());
 }
 
 }  // namespace shearbus::test
