@@ -2,22 +2,16 @@
 // reference is the solution of a Volterra equation.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <memory>
-#include <string>
 #include <vector>
 
-#include "client/src/client.hpp"
 #include "hydro_stub/history.hpp"
 #include "hydro_stub/problem.hpp"
 #include "hydro_stub/scene.hpp"
 #include "hydro_stub/shear_column.hpp"
 #include "hydro_stub/subgrid_law.hpp"
-#include "server/embedded.hpp"
 #include "shearbus_places.hpp"
-#include "tests/support/step_request.hpp"
 #include "tests/support/two_half_spaces.hpp"
 
 namespace shearbus {
@@ -48,47 +42,8 @@ std::vector<test::HalfSpaceState> sample(const std::vector<test::HalfSpaceState>
   return samples;
 }
 
-// An interface law that asks an embedded server, with requests in stick form (stick stress and impedance).
-class StickLaw : public hydro::InterfaceLaw {
- public:
-  StickLaw(const std::string& scene, const std::vector<std::uint64_t>& nodes)
-      : client_({.endpoint = server_.endpoint(), .context = server_.context(), .check_closure = CheckClosure::kError}),
-        session_(client_.open(scene, "scene", nodes)),
-        request_(support::step_request(session_, Form::kStick)) {}
-
-  void advance(const hydro::InterfaceInputs& in, hydro::InterfaceAnswer& answer) override {
-    std::ranges::copy(in.velocity_jump, request_.f64(Field::kVelocityJump).begin());
-    std::ranges::copy(in.pressure, request_.f64(Field::kPressure).begin());
-    for (std::size_t i = 0; i < in.velocity_jump.size(); ++i) {
-      const double impedance = 1.0 / (in.dt * (1.0 / in.mass_soft[i] + 1.0 / in.mass_hard[i]));
-      const double forces = in.stress_soft[i] / in.mass_soft[i] + in.stress_hard[i] / in.mass_hard[i];
-      request_.f64(Field::kImpedance)[i] = impedance;
-      request_.f64(Field::kStickStress)[i] = impedance * (in.velocity_jump[i] + in.dt * forces);
-    }
-    const StepResult& result = session_.advance(request_, {.dt_s = in.dt, .time_s = in.time, .step = in.step});
-    std::ranges::copy(result.shear_stress_pa(), answer.shear_stress.begin());
-    std::ranges::copy(result.batch().f64(Field::kVelocityJumpNew), answer.velocity_jump_new.begin());
-    std::ranges::copy(result.batch().f64(Field::kSlidingVelocity), answer.sliding_velocity.begin());
-    std::ranges::copy(result.interface_temperature_k(), answer.interface_temperature.begin());
-    std::ranges::copy(result.batch().f64(Field::kFrictionHeat), answer.friction_heat.begin());
-    std::ranges::copy(result.batch().u8(Field::kRegime), answer.regime.begin());
-    closure = std::max(closure, result.upscale().largest_closure_m_per_s);
-    layer_time = result.upscale().layer_time_s;
-  }
-  hydro::LawTime time_spent() const override { return {}; }
-
-  double closure = 0.0;     // largest difference between the jump of a request and the jump answered before  [m/s]
-  double layer_time = 0.0;  // time of the layer after the last step  [s]
-
- private:
-  server::Embedded server_;
-  Client client_;
-  Session session_;
-  Batch request_;
-};
-
 // Runs the scene on an embedded server. A wave crosses a soft zone in `zone_ns` [ns]; a step lasts `dt_ns` [ns].
-std::vector<test::HalfSpaceState> run(double zone_ns, double dt_ns, Form form = Form::kFarField) {
+std::vector<test::HalfSpaceState> run(double zone_ns, double dt_ns) {
   guest::HydroScene scene = shipped_scene();
   guest::ShearColumn& column = *scene.mutable_hydro()->mutable_shear_column();
   const double shipped_zones = column.zones();
@@ -96,14 +51,8 @@ std::vector<test::HalfSpaceState> run(double zone_ns, double dt_ns, Form form = 
   scene.mutable_hydro()->set_cfl(dt_ns / zone_ns);
   scene.mutable_hydro()->set_end_time_s(kEnd);
   const hydro::ColumnProblem problem = hydro::make_problem(scene);
-  const std::string text = scene::to_toml(scene.scene());
-  const std::vector<std::uint64_t> nodes = hydro::node_ids(problem.columns);
-  std::unique_ptr<hydro::InterfaceLaw> made;
-  if (form == Form::kStick)
-    made = std::make_unique<StickLaw>(text, nodes);
-  else
-    made = std::make_unique<hydro::SubgridLaw>(hydro::SceneText{text, "scene"}, nodes, problem.initial_temperature);
-  hydro::InterfaceLaw& law = *made;
+  hydro::SubgridLaw law({scene::to_toml(scene.scene()), "scene"}, hydro::node_ids(problem.columns),
+                        problem.initial_temperature);
   hydro::ShearColumn bodies(problem);
   std::vector<test::HalfSpaceState> states;
   for (std::uint64_t step = 0; step < problem.steps; ++step) {
@@ -113,10 +62,6 @@ std::vector<test::HalfSpaceState> run(double zone_ns, double dt_ns, Form form = 
         {bodies.time(), answer.shear_stress[0], answer.sliding_velocity[0], answer.interface_temperature[0]});
   }
   law.close();
-  if (const auto* stick = dynamic_cast<const StickLaw*>(&law)) {
-    EXPECT_NEAR(stick->layer_time, kEnd + 0.5e-9 * dt_ns, 1e-15) << "velocities live half a step later";
-    EXPECT_LT(stick->closure, 1e-9);
-  }
   return sample(states);
 }
 
@@ -134,17 +79,6 @@ TEST(TwoHalfSpaces, ReferenceGivesTheTableAndHasConverged) {
     EXPECT_NEAR(fine[k].jump, table[k].jump, 1e-3);
     EXPECT_NEAR(fine[k].temperature, table[k].temperature, 1e-2);
     EXPECT_NEAR(fine[k].temperature, coarse[k].temperature, 1e-3);
-  }
-}
-
-// A request with stick stress and impedance has the same answer as a request with far stresses and masses of half
-// zones.
-TEST(TwoHalfSpaces, StickFormHasTheAnswerOfTheFarFieldForm) {
-  const auto far_field = run(1.0, 1.0), stick = run(1.0, 1.0, Form::kStick);
-  for (std::size_t k = 0; k < kTimes.size(); ++k) {
-    EXPECT_NEAR(stick[k].stress / far_field[k].stress, 1.0, 1e-9);
-    EXPECT_NEAR(stick[k].jump / far_field[k].jump, 1.0, 1e-9);
-    EXPECT_NEAR(stick[k].temperature / far_field[k].temperature, 1.0, 1e-9);
   }
 }
 
