@@ -2,16 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <string>
+#include <vector>
 
 #include "hydro_stub/history.hpp"
 #include "hydro_stub/scene.hpp"
 #include "hydro_stub/shear_column.hpp"
 #include "hydro_stub/subgrid_law.hpp"
-#include "proto/wire/status.hpp"
-#include "server/physics/material/strength.hpp"
 #include "tests/support/direct_law.hpp"
-#include "tests/support/refused.hpp"
 
 namespace shearbus {
 namespace {
@@ -19,7 +16,7 @@ namespace {
 using hydro::ShearColumn;
 
 // Returns a scene whose columns stick, slip, melt, slip backwards and stop. It has more columns than a tile has nodes.
-hydro::SceneFile scene(const std::string& far_end = "free") {
+hydro::SceneFile scene() {
   return hydro::parse_scene(R"(
 name = "coupled"
 strategy = "force_driven"
@@ -40,7 +37,7 @@ end_time_s = 1.5e-6
 [hydro.shear_column]
 length_m = 1e-3
 zones = 200
-far_end = ")" + far_end + R"("
+far_end = "free"
 velocity_jump_m_per_s = [5.0, 28.0, 33.0, 60.0, -60.0, 100.0, 180.0, -250.0, 320.0, 400.0, 45.0]
 initial_temperature_k = [300.0, 300.0, 300.0, 300.0, 300.0, 500.0, 300.0, 300.0, 900.0, 300.0, 300.0]
 pressure_pa = [11.2e9, 11.2e9, 11.2e9, 11.2e9, 11.2e9, 2e9, 0.3e9, 1e9, 11.2e9, 11.2e9, -1e9]
@@ -48,14 +45,11 @@ pressure_pa = [11.2e9, 11.2e9, 11.2e9, 11.2e9, 11.2e9, 2e9, 0.3e9, 1e9, 11.2e9, 
                             "coupled.toml");
 }
 
-hydro::SubgridLaw embedded(const hydro::SceneFile& of, const hydro::ColumnProblem& problem) {
-  return {{of.server_text(), of.document.file}, hydro::node_ids(problem.columns), problem.initial_temperature};
-}
-
 TEST(SubgridLaw, BusAndServerKeepEveryBitOfTheModel) {
   const hydro::SceneFile of = scene();
   const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
-  hydro::SubgridLaw law = embedded(of, problem);
+  hydro::SubgridLaw law({of.server_text(), of.document.file}, hydro::node_ids(problem.columns),
+                        problem.initial_temperature);
   test::DirectLaw direct(
       {.strategy = physics::Strategy::kForceDriven,
        .soft = problem.soft_material,
@@ -65,6 +59,7 @@ TEST(SubgridLaw, BusAndServerKeepEveryBitOfTheModel) {
       problem.initial_temperature);
   ShearColumn through_the_bus(problem);
   ShearColumn in_place(problem);
+  unsigned regimes = 0;
   for (std::uint64_t step = 0; step < problem.steps; ++step) {
     through_the_bus.advance(law);
     in_place.advance(direct);
@@ -74,61 +69,10 @@ TEST(SubgridLaw, BusAndServerKeepEveryBitOfTheModel) {
         << "step " << step;
     ASSERT_EQ(through_the_bus.answer().friction_heat, in_place.answer().friction_heat) << "step " << step;
     ASSERT_EQ(through_the_bus.answer().regime, in_place.answer().regime) << "step " << step;
-  }
-  law.close();
-}
-
-// The momentum equations of both bodies, DLP (61), with the stress of the server's answer must give the velocity jump
-// of the same answer.
-TEST(SubgridLaw, BothVelocitiesLeaveTheJumpTheServerAnswered) {
-  const hydro::SceneFile of = scene();
-  const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
-  hydro::SubgridLaw law = embedded(of, problem);
-  ShearColumn column(problem);
-  std::size_t regimes = 0;
-  for (std::uint64_t step = 0; step < problem.steps; ++step) {
-    column.advance(law);
-    for (std::size_t i = 0; i < problem.columns; ++i) {
-      const hydro::FreeJump free = hydro::free_jump(column.inputs(), i);
-      const double found = column.soft().velocity_at(0)[i] - column.hard().velocity_at(0)[i];
-      const double answered = column.answer().velocity_jump_new[i];
-      ASSERT_NEAR(found, answered, 1e-11 * 400.0) << "step " << step << " column " << i;
-      ASSERT_NEAR(free.jump - column.answer().shear_stress[i] * free.compliance, answered, 1e-11 * 400.0);
-      regimes |= std::size_t{1} << column.answer().regime[i];
-    }
+    for (const std::uint8_t regime : in_place.answer().regime) regimes |= 1U << regime;
   }
   EXPECT_EQ(regimes, 0b11111U) << "the columns pass through every regime";
-}
-
-TEST(SubgridLaw, LedgersCloseAndTheLayerTakesItsShareOfTheWork) {
-  for (const char* end : {"free", "transmitting"}) {
-    const hydro::SceneFile of = scene(end);
-    const hydro::ColumnProblem problem = hydro::make_problem(of.scene);
-    hydro::SubgridLaw law = embedded(of, problem);
-    ShearColumn column(problem);
-    std::vector<double> heat(problem.columns, 0.0);
-    // sum of the negative work s (V_old + V_new) dt / 2 of the steps in which the jump reversed
-    std::vector<double> clipped(problem.columns, 0.0);
-    for (std::uint64_t step = 0; step < problem.steps; ++step) {
-      column.advance(law);
-      for (std::size_t i = 0; i < problem.columns; ++i) {
-        const hydro::InterfaceAnswer& answer = column.answer();
-        heat[i] += answer.friction_heat[i];
-        const double mean = 0.5 * (column.inputs().velocity_jump[i] + answer.velocity_jump_new[i]);
-        clipped[i] += std::min(0.0, answer.shear_stress[i] * mean * column.inputs().dt);
-      }
-    }
-    const double share = physics::heat_partition(problem.soft_material, problem.hard_material);
-    for (std::size_t i = 0; i < problem.columns; ++i) {
-      const ShearColumn::Ledger ledger = column.ledger(i);
-      const double moved = ledger.energy_start + std::abs(ledger.friction_work) + std::abs(ledger.work_of_far_ends);
-      EXPECT_LT(std::abs(ledger.momentum_residual()), 1e-12 * std::abs(ledger.momentum_start)) << end << i;
-      EXPECT_LT(std::abs(ledger.energy_residual()), 1e-12 * moved) << end << i;
-      EXPECT_GE(ledger.friction_work, clipped[i] * (1 + 1e-12)) << "friction only takes energy";
-      EXPECT_NEAR(heat[i], share * (ledger.friction_work - clipped[i]), 1e-9 * share * ledger.friction_work + 1e-12)
-          << end << i;
-    }
-  }
+  law.close();
 }
 
 // Metal beside the interface that flows along s drags the interface along, whatever the sign of the jump of its nodes: the
