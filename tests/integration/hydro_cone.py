@@ -93,6 +93,18 @@ class Cone(served.Served):
                 self.assertEqual("more than rounding" in done.stdout, abs(found) > 1e-12)
         self.assertLess(slip["subgrid"], 0.7 * slip["coulomb_tresca"])
 
+    def test_every_law_keeps_energy_and_axial_momentum_and_slides_in_its_order(self):
+        slip, hottest = {}, {}
+        for law in ("free_slip", "coulomb_tresca", "subgrid", "stick"):
+            _, summary, _ = self.ran(self.scene(end_time_s="4e-6"), "--interface-law", law, out=law)
+            self.assertLess(abs(summary["energy_residual"]), 1e-13, law)
+            self.assertLess(abs(summary["momentum_residual"]), 1e-12, law)
+            slip[law], hottest[law] = summary["mean_slip_m"], summary["peak_interface_temperature_k"]
+            self.assertEqual(summary["friction_heat_j"] > 0.0, law != "free_slip", law)
+        self.assertGreater(slip["free_slip"], max(slip["coulomb_tresca"], slip["subgrid"]))
+        self.assertGreater(slip["coulomb_tresca"], 10 * slip["stick"])
+        self.assertGreater(hottest["subgrid"], 2 * hottest["coulomb_tresca"], "the layer has a peak that zones cannot have")
+
     def test_what_converges_is_reported_next_to_the_slip(self):
         out, summary, done = self.ran(self.scene("cone_al_steel", first_zone_m="1e-3"))
         self.assertNotIn("Y*", done.stderr, "the layer flows: no warning")
