@@ -2,9 +2,10 @@
 // of a server that never dies.
 #include <gtest/gtest.h>
 
+#include <span>
 #include <vector>
 
-#include "tests/support/durable_server.hpp"
+#include "tests/durability/deaths.hpp"
 #include "tests/support/strategies.hpp"
 
 namespace shearbus::service {
@@ -32,59 +33,18 @@ wire::Request request_at(Strategy strategy, std::uint64_t sequence) {
   return request;
 }
 
-bool is_later_part(const wire::Request& request) {
-  const auto* step = std::get_if<wire::Downscale>(&request.body);
-  return step != nullptr && step->part > 1;
-}
-
 class PartsOfAStep : public testing::TestWithParam<Strategy> {};
 INSTANTIATE_TEST_SUITE_P(Strategies, PartsOfAStep, support::both<Strategy>(), support::name_of_strategy);
 
-// The server dies after every request, with and without checkpoints. Each later part follows the one before, as if it had
-// been sent before that was answered: a server that comes back must answer both again.
+// Each later part follows the one before, as if it had been sent before that was answered.
 TEST_P(PartsOfAStep, SurviveTheDeathOfTheServerBetweenAnyTwo) {
-  constexpr std::uint64_t kRequests = 36;
-  const wire::Request opening = ServiceHarness::opening(support::scene_of(GetParam()), support::node_ids(kNodes));
-  for (const std::uint64_t checkpoint_every : {1000, 1, 2, 3}) {
-    MemoryStorage disk, calm_disk;
-    ASSERT_EQ(DurableServer(disk).ask(opening).code(), Code::kOk);
-    DurableServer reference(calm_disk);
-    ASSERT_EQ(reference.ask(opening).code(), Code::kOk);
-    wire::Request before;
-    std::vector<std::byte> answer_before;
-    for (std::uint64_t i = 1; i <= kRequests; ++i) {
-      wire::Request request = request_at(GetParam(), i);
-      const bool later = is_later_part(request);
-      const Answer expected = reference.ask(request);
-      if (later) request = ServiceHarness::ahead(std::move(request), before);
-      {
-        DurableServer server(disk, store::Durability::kProcess, 77 + 2 * i, 1 + static_cast<unsigned>(i % 3));
-        if (later) {
-          EXPECT_EQ(server.ask(ServiceHarness::in_session(wire::Commit{}, i)).code(), Code::kNothingToCommit);
-        }
-        const Answer answer = server.ask(request);
-        ASSERT_EQ(answer.code(), Code::kOk) << "request " << i << ": " << describe(answer.reply.status);
-        ASSERT_EQ(answer.payload(), expected.payload()) << "request " << i;
-        if (i % checkpoint_every == 0) {
-          ASSERT_TRUE(server.service.checkpoint()) << "request " << i;
-        }
-      }
-      DurableServer server(disk, store::Durability::kProcess, 78 + 2 * i);
-      const Answer again = server.ask(request);
-      ASSERT_TRUE(again.reply.replayed);
-      ASSERT_EQ(again.payload(), expected.payload());
-      if (later) {
-        const Answer first = server.ask(before);
-        ASSERT_EQ(first.code(), Code::kOk) << "before request " << i << ": " << describe(first.reply.status);
-        ASSERT_TRUE(first.reply.replayed);
-        ASSERT_EQ(first.payload(), answer_before);
-      } else if (i > 1) {
-        ASSERT_EQ(server.ask(before).code(), Code::kStaleSequence);
-      }
-      answer_before = expected.payload();
-      before = std::move(request);
-    }
+  std::vector<wire::Request> conversation = {
+      ServiceHarness::opening(support::scene_of(GetParam()), support::node_ids(kNodes))};
+  for (std::uint64_t i = 1; i <= 36; ++i) {
+    wire::Request next = request_at(GetParam(), i);
+    conversation.push_back(is_later_part(next) ? ServiceHarness::ahead(std::move(next), conversation.back()) : next);
   }
+  expect_deaths_change_nothing(conversation, [](const Answer& answer) { return answer.payload(); });
 }
 
 }  // namespace
