@@ -130,37 +130,6 @@ TEST(Hydro2dSlideLine, MomentumAndEnergyCloseToRoundingWithEveryLaw) {
   }
 }
 
-// A second cycle that receives the arrays of a restart dump continues with the same bits, from a state of sliding
-// contact with plastic flow.
-TEST(Hydro2dSlideLine, ACycleThatIsGivenTheMemoryOfAnotherGoesOnToTheBit) {
-  const auto bodies = [] {
-    Bodies made = two_blocks(Symmetry::kAxisymmetric, 7, 5, 0.1);
-    fill(made, 0, 2703.0, 0.0, {0.0, -300.0});
-    for (const lagrange::Block& b : made.mesh.blocks()) made.walls.push_back({b.side(Side::kLeft), {1.0, 0.0}, 0.0});
-    return made;
-  };
-  ConstantFrictionLaw law(100e6);
-  Cycle straight(bodies(), &law);
-  for (int i = 0; i < 60; ++i) straight.advance(1.0);
-  Cycle resumed(bodies(), &law);
-  const lagrange::Memory from = straight.memory(), to = resumed.memory();
-  for (std::size_t i = 0; i < from.numbers.size(); ++i)
-    std::ranges::copy(from.numbers[i].second, to.numbers[i].second.begin());
-  for (std::size_t i = 0; i < from.counts.size(); ++i)
-    std::ranges::copy(from.counts[i].second, to.counts[i].second.begin());
-  ASSERT_GT(*std::ranges::max_element(straight.state().plastic_strain), 0.0);
-  for (int i = 0; i < 60; ++i) {
-    straight.advance(1.0);
-    resumed.advance(1.0);
-  }
-  const lagrange::Memory a = straight.memory(), b = resumed.memory();
-  for (std::size_t i = 0; i < a.numbers.size(); ++i)
-    EXPECT_TRUE(std::ranges::equal(a.numbers[i].second, b.numbers[i].second)) << a.numbers[i].first;
-  EXPECT_EQ(straight.ledger().friction_heat, resumed.ledger().friction_heat);
-  EXPECT_EQ(straight.steps(), resumed.steps());
-  EXPECT_GT(straight.ledger().friction_heat, 0.0);
-}
-
 // A host may ask for a state at an exact time. The last steps before this time must not become much shorter than usual:
 // the slide line closes a gap within one step, at the velocity gap/dt, which would then be too high.
 TEST(Hydro2dSlideLine, TimesThatMustBeMetCostNoSliverOfAStep) {
