@@ -113,10 +113,10 @@ const StrategyColumns& columns_of(Strategy strategy) {
   return kNone;
 }
 
-std::vector<Field> columns_in(Form form, std::span<const Field> required) {
+std::vector<Field> columns_in(Form form, std::span<const Field> far_field) {
   std::vector<Field> columns;
   const auto is_far_field = [](Field field) { return std::ranges::count(kFarFieldColumns, field) != 0; };
-  std::ranges::copy_if(required, std::back_inserter(columns),
+  std::ranges::copy_if(far_field, std::back_inserter(columns),
                        [&](Field field) { return form == Form::kFarField || !is_far_field(field); });
   if (form == Form::kStick) columns.insert(columns.end(), kStickColumns.begin(), kStickColumns.end());
   return columns;

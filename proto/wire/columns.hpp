@@ -71,8 +71,8 @@ inline constexpr std::array kStickColumns = {
 #define STICK(enumerator, ...) Field::enumerator,
 #include "proto/wire/columns.inc"
 };
-// Returns the required columns of a request in this form; `required` are the required columns of the far-field form.
-std::vector<Field> columns_in(Form form, std::span<const Field> required);
+// Returns the required columns of a request in this form; `far_field` are those of the far-field form.
+std::vector<Field> columns_in(Form form, std::span<const Field> far_field);
 
 // Columns of the steps of a strategy, in the order of columns.inc. A request may also have node_id.
 struct StrategyColumns {
