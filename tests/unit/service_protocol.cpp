@@ -28,21 +28,6 @@ class ServiceOf : public testing::TestWithParam<Strategy> {
 };
 INSTANTIATE_TEST_SUITE_P(Strategies, ServiceOf, support::both<Strategy>(), support::name_of_strategy);
 
-TEST(Service, HelloTellsVersionLimitsAndEpoch) {
-  ServiceHarness harness;
-  wire::Request request;
-  request.request_id = 5;
-  request.body = wire::Hello{.client_name = "test"};
-  const Answer answer = harness.granted(request);
-  EXPECT_EQ(answer.reply.request_id, 5u);
-  EXPECT_EQ(answer.reply.epoch, 77u);
-  const auto& welcome = std::get<wire::Welcome>(answer.reply.body);
-  EXPECT_EQ(welcome.protocol_major, wire::kProtocolMajor);
-  EXPECT_EQ(welcome.server_version, "test");
-  EXPECT_EQ(welcome.durability, "none");
-  EXPECT_EQ(welcome.limits.max_nodes_per_session, wire::kMaxNodesPerSession);
-}
-
 TEST(Service, ClientsOfOtherMajorVersionsAreToldTheRange) {
   ServiceHarness harness;
   wire::Request request;
@@ -93,25 +78,6 @@ TEST_P(ServiceOf, RepeatedOpeningOpensOneSession) {
   auto other = scene();
   other.set_name("other");
   EXPECT_EQ(harness.ask(ServiceHarness::opening(other, kNodes)).code(), Code::kSequenceReused);
-}
-
-TEST_P(ServiceOf, SameRequestTwiceAgesOnce) {
-  Opened once(scene()), twice(scene());
-  for (std::uint64_t sequence = 1; sequence <= 12; ++sequence) {
-    const int step = static_cast<int>(sequence);
-    const Answer expected = once.granted(ServiceHarness::step(sequence, columns(step)));
-    const Answer first = twice.ask(ServiceHarness::step(sequence, columns(step)));
-    const Answer second = twice.ask(ServiceHarness::step(sequence, columns(step)));
-    const Answer third = twice.ask(ServiceHarness::step(sequence, columns(step)));
-    EXPECT_EQ(first.payload(), expected.payload());
-    EXPECT_EQ(second.payload(), first.payload());
-    EXPECT_FALSE(first.reply.replayed);
-    EXPECT_TRUE(second.reply.replayed);
-    EXPECT_EQ(second.frames.header, third.frames.header);
-    EXPECT_EQ(std::get<wire::Upscale>(second.reply.body).state_version, sequence);
-  }
-  EXPECT_EQ(twice.service.status().node_steps, once.service.status().node_steps);
-  EXPECT_EQ(twice.service.status().replayed, 24u);
 }
 
 TEST_P(ServiceOf, WrongSequencesRunNothingAndSayWhereTheSessionStands) {
@@ -176,17 +142,6 @@ TEST_P(ServiceOf, ThereIsNothingToCommitWithoutATrial) {
   auto request = ServiceHarness::step(2, columns(2), Mode::kTrial);
   std::get<wire::Downscale>(request.body).commit_previous = true;
   EXPECT_EQ(harness.ask(request).code(), Code::kNothingToCommit);
-}
-
-TEST_P(ServiceOf, OnlyWantedColumnsAreSent) {
-  Opened harness(scene()), full(scene());
-  auto request = ServiceHarness::step(1, columns(1));
-  std::get<wire::Downscale>(request.body).wanted = {Field::kRegime, Field::kShearStress};
-  const Answer some = harness.ask(request);
-  const Answer all = full.ask(ServiceHarness::step(1, columns(1)));
-  ASSERT_EQ(some.reply.batch.columns().size(), 2u);
-  EXPECT_TRUE(std::ranges::equal(some.reply.batch.f64(Field::kShearStress), all.reply.batch.f64(Field::kShearStress)));
-  EXPECT_TRUE(std::ranges::equal(some.reply.batch.u8(Field::kRegime), all.reply.batch.u8(Field::kRegime)));
 }
 
 TEST_P(ServiceOf, TheEnergyLedgerIsAnsweredOnlyWhereItIsWanted) {
