@@ -58,7 +58,9 @@ class Twins {
     std::vector<shard::Pair> pairs;
     for (std::size_t p = 0; p < options_.size(); ++p)
       pairs.push_back({std::make_shared<const Model>(options_[p]), {static_cast<double>(p)}});
-    together_.emplace(shard::PairTable({{"pair", "1"}}, std::move(pairs)), ids, of_node, temperature, pool_);
+    const shard::PairsOfNodes of_nodes{.pairs = pairs, .of_node = of_node};
+    together_.emplace(shard::PairTable({{"pair", "1"}}, std::move(pairs)), pool_);
+    together_->apply(together_->adding(ids, temperature, nullptr, &of_nodes));
   }
 
   void step(Draw& draw, bool extreme, int step, RandomOutcome& outcome) {
