@@ -254,7 +254,7 @@ def fortran_members(what, kinds, shape):
 def fortran_visits(what):
     form = {**dict.fromkeys(FAR_FIELD_FORM, "far_field"), **{c.quantity: "stick_form" for c in what.columns if c.macro == "STICK"}}
     role = {"Output": "answered", "Ledger": "in_ledger"}
-    return [f"    call show(self%{name}, '{name}', {c.number}, {component}, {role.get(c.kind) or form.get(c.quantity, 'of_all_forms')})"
+    return [f"    call show(self%{name}, {c.number}, {component}, {role.get(c.kind) or form.get(c.quantity, 'of_all_forms')})"
             for c, component, name in fortran_columns(what, STEP)]
 
 
@@ -266,7 +266,9 @@ def fortran_sizes(what):
     numbers = {c.quantity: c.number for c in what.columns}
     return [f"  integer(c_int32_t), parameter :: regime_column = {numbers['regime']}, outcome_column = {numbers['outcome']}",
             f"  integer, parameter :: columns_of_steps = {len(list(fortran_columns(what, STEP)))}, "
-            f"columns_of_profiles = {len(list(fortran_columns(what, LAYER)))}"]
+            f"columns_of_profiles = {len(list(fortran_columns(what, LAYER)))}",
+            *continued("  character(len=32), parameter :: names_of_columns(columns_of_steps) = [character(len=32) :: ",
+                       ", ".join(f"'{name}'" for _, _, name in fortran_columns(what, STEP)) + "]")]
 
 
 # Types of C by value. A text is an array of characters, and where NULL may be given the address is.

@@ -165,7 +165,7 @@ module shearbus
     type(c_ptr) :: handle = c_null_ptr
   contains
     ! Bound here so that the submodule links to them: gfortran gives other private procedures no symbol.
-    procedure, private, nopass :: clear, report, refuse, text_of, give_options, name_word, per_node, adopt_nodes, fields_of, &
+    procedure, private, nopass :: clear, report, expect, tell, text_of, give_options, name_word, per_node, adopt_nodes, fields_of, &
                                   make_columns, follow_nodes
   end type
   public :: shearbus_mpi_open, shearbus_mpi_restart, shearbus_mpi_redistribute, shearbus_mpi_dump, shearbus_mpi_agree, &
@@ -250,14 +250,10 @@ module shearbus
   end type
   ! What a column is: an input of one form or of all, a column of the answer, or of its energy ledger.
   integer, parameter :: of_all_forms = 0, far_field = 1, stick_form = 2, answered = 3, in_ledger = 4
-  type :: column_place
-    character(len=32) :: name
-    integer :: field, component, role
-  end type
   ! A pass over the columns of doubles of an interface, which each_column makes: over the allocated ones, or over all.
   type, abstract :: column_visitor
     logical :: all
-    type(column_place) :: place                        ! of the column that is visited
+    integer :: at, field, component, role              ! of the column that is visited; at: the place of its name
   contains
     procedure(visit_column), deferred :: visit
   end type
@@ -332,22 +328,18 @@ contains
     type(c_ptr), intent(in) :: address
     character(len=:), allocatable :: text
     character(kind=c_char), pointer :: bytes(:)
-    integer :: i
-    call c_f_pointer(address, bytes, [c_strlen(address)])
-    allocate (character(len=size(bytes)) :: text)
-    do i = 1, size(bytes)
-      text(i:i) = bytes(i)
-    end do
+    call c_f_pointer(address, bytes, [c_strlen(address) + 1])
+    text = text_of(bytes)
   end function
 
+  ! Returns the text before the first NUL, which must be there.
   function text_of(bytes) result(text)
     character(kind=c_char), intent(in) :: bytes(:)
     character(len=:), allocatable :: text
     integer :: i
-    text = ''
-    do i = 1, size(bytes)
-      if (bytes(i) == c_null_char) exit
-      text = text//bytes(i)
+    allocate (character(len=findloc(bytes, c_null_char, dim=1) - 1) :: text)
+    do i = 1, len(text)
+      text(i:i) = bytes(i)
     end do
   end function
 
@@ -491,15 +483,12 @@ contains
     of%n = n
     of%n_parameters = keys
     call per_node(initial_temperature, n, held%temperatures, of%initial_temperature_k, code, status)
-    if (code == 0 .and. present(pair)) then
-      if (size(pair) /= n) call refuse(code, status, 'pair', size(pair), n)
-    end if
-    if (code == 0 .and. present(values)) then
-      if (size(values, 1) /= n) call refuse(code, status, 'values, first dimension', size(values, 1), n)
-      if (code == 0 .and. size(values, 2) /= keys) &
-        call refuse(code, status, 'values, second dimension', size(values, 2), keys)
-    else if (code == 0 .and. keys > 0) then
-      call refuse(code, status, 'values, second dimension', 0, keys)
+    if (present(pair)) call expect(code, status, 'pair', size(pair), n)
+    if (present(values)) then
+      call expect(code, status, 'values, first dimension', size(values, 1), n)
+      call expect(code, status, 'values, second dimension', size(values, 2), keys)
+    else
+      call expect(code, status, 'values, second dimension', 0, keys)
     end if
     if (code /= 0 .or. n == 0) return
     allocate (held%ids, source=nodes)
@@ -594,10 +583,8 @@ contains
     code = 0
     address = c_null_ptr
     if (.not. present(values)) return
-    if (size(values) /= n) then
-      call refuse(code, status, 'initial_temperature', size(values), n)
-      return
-    end if
+    call expect(code, status, 'initial_temperature', size(values), n)
+    if (code /= 0) return
     allocate (copy, source=values)
     if (n > 0) address = c_loc(copy)
   end subroutine
@@ -640,9 +627,9 @@ contains
     real(real64), allocatable, target, intent(inout) :: column(:)
     integer :: use
     if (allocated(column)) deallocate (column)
-    if (visitor%place%component == 1 .and. visitor%fields(0, 3) /= 2) return
-    use = merge(2, 0, visitor%place%role >= answered)
-    if (any(visitor%fields(1:visitor%fields(0, use), use) == visitor%place%field)) &
+    if (visitor%component == 1 .and. visitor%fields(0, 3) /= 2) return
+    use = merge(2, 0, visitor%role >= answered)
+    if (any(visitor%fields(1:visitor%fields(0, use), use) == visitor%field)) &
       allocate (column(visitor%n), source=unset())
   end subroutine
 
@@ -655,59 +642,62 @@ contains
   subroutine each_column(self, visitor)
     type(shearbus_interface), intent(inout), target :: self
     class(column_visitor), intent(inout), target :: visitor
+    visitor%at = 0
     ! print_contract.py: visits
-    call show(self%jump, 'jump', 10, 0, of_all_forms)
-    call show(self%jump2, 'jump2', 10, 1, of_all_forms)
-    call show(self%pressure, 'pressure', 11, 0, of_all_forms)
-    call show(self%stress_soft, 'stress_soft', 12, 0, far_field)
-    call show(self%stress_soft2, 'stress_soft2', 12, 1, far_field)
-    call show(self%stress_hard, 'stress_hard', 13, 0, far_field)
-    call show(self%stress_hard2, 'stress_hard2', 13, 1, far_field)
-    call show(self%mass_soft, 'mass_soft', 14, 0, far_field)
-    call show(self%mass_hard, 'mass_hard', 15, 0, far_field)
-    call show(self%soft_shear_rate, 'soft_shear_rate', 16, 0, of_all_forms)
-    call show(self%soft_plastic_strain_rate, 'soft_plastic_strain_rate', 17, 0, of_all_forms)
-    call show(self%soft_plastic_strain_rate2, 'soft_plastic_strain_rate2', 17, 1, of_all_forms)
-    call show(self%stick_stress, 'stick_stress', 18, 0, stick_form)
-    call show(self%stick_stress2, 'stick_stress2', 18, 1, stick_form)
-    call show(self%impedance, 'impedance', 19, 0, stick_form)
-    call show(self%stress, 'stress', 30, 0, answered)
-    call show(self%stress2, 'stress2', 30, 1, answered)
-    call show(self%slip, 'slip', 31, 0, answered)
-    call show(self%slip2, 'slip2', 31, 1, answered)
-    call show(self%temperature, 'temperature', 32, 0, answered)
-    call show(self%jump_new, 'jump_new', 33, 0, answered)
-    call show(self%jump_new2, 'jump_new2', 33, 1, answered)
-    call show(self%friction_heat, 'friction_heat', 36, 0, answered)
-    call show(self%mean_shear_stress, 'mean_shear_stress', 37, 0, answered)
-    call show(self%mean_shear_stress2, 'mean_shear_stress2', 37, 1, answered)
-    call show(self%stress_per_jump, 'stress_per_jump', 38, 0, answered)
-    call show(self%stress_per_pressure, 'stress_per_pressure', 39, 0, answered)
-    call show(self%time_to_melting, 'time_to_melting', 49, 0, answered)
-    call show(self%interface_work, 'interface_work', 40, 0, in_ledger)
-    call show(self%heat_to_soft, 'heat_to_soft', 41, 0, in_ledger)
-    call show(self%heat_to_hard, 'heat_to_hard', 42, 0, in_ledger)
-    call show(self%plastic_work, 'plastic_work', 43, 0, in_ledger)
-    call show(self%stored_heat_soft, 'stored_heat_soft', 44, 0, in_ledger)
-    call show(self%stored_heat_hard, 'stored_heat_hard', 45, 0, in_ledger)
-    call show(self%elastic_energy, 'elastic_energy', 46, 0, in_ledger)
-    call show(self%heat_residual, 'heat_residual', 47, 0, in_ledger)
-    call show(self%energy_residual, 'energy_residual', 48, 0, in_ledger)
-    call show(self%error_estimate, 'error_estimate', 60, 0, answered)
-    call show(self%closure, 'closure', 61, 0, answered)
-    call show(self%closure2, 'closure2', 61, 1, answered)
-    call show(self%film_thickness, 'film_thickness', 62, 0, answered)
-    call show(self%mean_far_stress, 'mean_far_stress', 63, 0, answered)
-    call show(self%friction_energy_soft, 'friction_energy_soft', 70, 0, answered)
-    call show(self%friction_energy_hard, 'friction_energy_hard', 71, 0, answered)
+    call show(self%jump, 10, 0, of_all_forms)
+    call show(self%jump2, 10, 1, of_all_forms)
+    call show(self%pressure, 11, 0, of_all_forms)
+    call show(self%stress_soft, 12, 0, far_field)
+    call show(self%stress_soft2, 12, 1, far_field)
+    call show(self%stress_hard, 13, 0, far_field)
+    call show(self%stress_hard2, 13, 1, far_field)
+    call show(self%mass_soft, 14, 0, far_field)
+    call show(self%mass_hard, 15, 0, far_field)
+    call show(self%soft_shear_rate, 16, 0, of_all_forms)
+    call show(self%soft_plastic_strain_rate, 17, 0, of_all_forms)
+    call show(self%soft_plastic_strain_rate2, 17, 1, of_all_forms)
+    call show(self%stick_stress, 18, 0, stick_form)
+    call show(self%stick_stress2, 18, 1, stick_form)
+    call show(self%impedance, 19, 0, stick_form)
+    call show(self%stress, 30, 0, answered)
+    call show(self%stress2, 30, 1, answered)
+    call show(self%slip, 31, 0, answered)
+    call show(self%slip2, 31, 1, answered)
+    call show(self%temperature, 32, 0, answered)
+    call show(self%jump_new, 33, 0, answered)
+    call show(self%jump_new2, 33, 1, answered)
+    call show(self%friction_heat, 36, 0, answered)
+    call show(self%mean_shear_stress, 37, 0, answered)
+    call show(self%mean_shear_stress2, 37, 1, answered)
+    call show(self%stress_per_jump, 38, 0, answered)
+    call show(self%stress_per_pressure, 39, 0, answered)
+    call show(self%time_to_melting, 49, 0, answered)
+    call show(self%interface_work, 40, 0, in_ledger)
+    call show(self%heat_to_soft, 41, 0, in_ledger)
+    call show(self%heat_to_hard, 42, 0, in_ledger)
+    call show(self%plastic_work, 43, 0, in_ledger)
+    call show(self%stored_heat_soft, 44, 0, in_ledger)
+    call show(self%stored_heat_hard, 45, 0, in_ledger)
+    call show(self%elastic_energy, 46, 0, in_ledger)
+    call show(self%heat_residual, 47, 0, in_ledger)
+    call show(self%energy_residual, 48, 0, in_ledger)
+    call show(self%error_estimate, 60, 0, answered)
+    call show(self%closure, 61, 0, answered)
+    call show(self%closure2, 61, 1, answered)
+    call show(self%film_thickness, 62, 0, answered)
+    call show(self%mean_far_stress, 63, 0, answered)
+    call show(self%friction_energy_soft, 70, 0, answered)
+    call show(self%friction_energy_hard, 71, 0, answered)
     ! print_contract.py: end
   contains
-    subroutine show(column, name, field, component, role)
+    subroutine show(column, field, component, role)
       real(real64), allocatable, target, intent(inout) :: column(:)
-      character(len=*), intent(in) :: name
       integer, intent(in) :: field, component, role
+      visitor%at = visitor%at + 1
       if (.not. (allocated(column) .or. visitor%all)) return
-      visitor%place = column_place(name, field, component, role)
+      visitor%field = field
+      visitor%component = component
+      visitor%role = role
       call visitor%visit(column)
     end subroutine
   end subroutine
@@ -741,8 +731,8 @@ contains
     class(columns_to_want), intent(inout), target :: visitor
     real(real64), allocatable, target, intent(inout) :: column(:)
     logical :: meant
-    meant = visitor%place%name == visitor%name
-    if (visitor%name == 'ledger') meant = visitor%place%role == in_ledger
+    meant = names_of_columns(visitor%at) == visitor%name
+    if (visitor%name == 'ledger') meant = visitor%role == in_ledger
     if (.not. meant) return
     visitor%found = .true.
     if (.not. allocated(column)) allocate (column(visitor%n), source=unset())
@@ -791,8 +781,7 @@ contains
   ! Frees the handle, on which no call is made any more, and what it pointed to.
   subroutine drop(self)
     class(shearbus_interface), intent(inout) :: self
-    call c_leave(self%handle)
-    if (associated(self%started)) deallocate (self%started)
+    call self%leave()
     if (associated(self%fell_back)) deallocate (self%fell_back)
     self%law => null()
   end subroutine
@@ -931,7 +920,7 @@ contains
     columns%stick = allocated(self%impedance) .or. allocated(self%stick_stress)  ! one alone is refused
     columns%masked = present(mask)
     if (columns%masked) then
-      if (size(mask) /= self%n) call refuse(columns%code, columns%status, 'mask', size(mask), self%n)
+      call expect(columns%code, columns%status, 'mask', size(mask), self%n)
       if (columns%code == 0) columns%rows = pack([(i, i=1, self%n)], mask)
       if (allocated(columns%rows)) columns%count = size(columns%rows)
       allocate (columns%in(max(columns%count, 1), columns_of_steps), columns%out(max(columns%count, 1), columns_of_steps))
@@ -1007,23 +996,24 @@ contains
     class(columns_of_step), intent(inout), target :: visitor
     real(real64), allocatable, target, intent(inout) :: column(:)
     type(c_ptr) :: values
-    if (visitor%place%role == merge(far_field, stick_form, visitor%stick)) return
-    if (size(column) /= visitor%n) call refuse(visitor%code, visitor%status, trim(visitor%place%name), size(column), visitor%n)
+    if (visitor%role == merge(far_field, stick_form, visitor%stick)) return
+    if (size(column) /= visitor%n) &
+      call expect(visitor%code, visitor%status, names_of_columns(visitor%at), size(column), visitor%n)
     if (visitor%code /= 0) return
     values = c_loc(visitor%nothing)
     if (visitor%count > 0 .and. .not. visitor%masked) values = c_loc(column)
-    if (visitor%place%role < answered) then
+    if (visitor%role < answered) then
       visitor%n_in = visitor%n_in + 1
       if (visitor%masked) then
         visitor%in(:visitor%count, visitor%n_in) = column(visitor%rows)
         values = c_loc(visitor%in(1, visitor%n_in))
       end if
-      visitor%inputs(visitor%n_in) = c_input(visitor%place%field, visitor%place%component, values, 0)
+      visitor%inputs(visitor%n_in) = c_input(visitor%field, visitor%component, values, 0)
     else
       visitor%n_out = visitor%n_out + 1
       visitor%answers(visitor%n_out)%values => column
       if (visitor%masked) values = c_loc(visitor%out(1, visitor%n_out))
-      visitor%outputs(visitor%n_out) = c_output(visitor%place%field, visitor%place%component, values, 0)
+      visitor%outputs(visitor%n_out) = c_output(visitor%field, visitor%component, values, 0)
     end if
   end subroutine
 
@@ -1048,7 +1038,7 @@ contains
     code = 0
     at_pressure = c_null_ptr
     if (present(pressure)) then
-      if (size(pressure) /= size(nodes)) call refuse(code, status, 'pressure', size(pressure), size(nodes))
+      call expect(code, status, 'pressure', size(pressure), size(nodes))
       pressures = [pressure, 0.0_real64]  ! one more, since an array without elements has no address
       at_pressure = c_loc(pressures)
     end if
@@ -1314,7 +1304,15 @@ contains
     call move_alloc(values, column)
   end subroutine
 
-  ! A fault of this side: something has not the size that it must have.
+  ! Refuses what has not the size that it must have, unless there is a fault already.
+  subroutine expect(code, status, name, found, expected)
+    integer(c_int), intent(inout) :: code
+    type(c_status), intent(inout) :: status
+    character(len=*), intent(in) :: name
+    integer, intent(in) :: found, expected
+    if (code == 0 .and. found /= expected) call refuse(code, status, trim(name), found, expected)
+  end subroutine
+
   subroutine refuse(code, status, name, found, expected)
     integer(c_int), intent(inout) :: code
     type(c_status), intent(inout) :: status
@@ -1329,8 +1327,15 @@ contains
     integer(c_int), intent(inout) :: code
     type(c_status), intent(inout) :: status
     character(len=*), intent(in) :: text
-    integer :: i
     code = shearbus_code_shape
+    call tell(code, status, text)
+  end subroutine
+
+  subroutine tell(code, status, text)
+    integer(c_int), intent(in) :: code
+    type(c_status), intent(inout) :: status
+    character(len=*), intent(in) :: text
+    integer :: i
     status%code = code
     status%remedy(1) = c_null_char
     do i = 1, min(len(text), size(status%text) - 1)

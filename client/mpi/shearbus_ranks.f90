@@ -80,7 +80,7 @@ contains
     integer(c_int) :: code
     call clear(status)
     code = 0
-    if (size(new_owner) /= bus%n) call refuse(code, status, 'new_owner', size(new_owner), bus%n)
+    call expect(code, status, 'new_owner', size(new_owner), bus%n)
     code = c_mpi_agree(ranks%handle, code, status)
     if (code == 0) code = c_mpi_redistribute(ranks%handle, bus%handle, int(new_owner, c_int), status)
     if (bus%is_open() .and. .not. c_associated(bus%step_of_all)) call follow_nodes(bus)
@@ -97,14 +97,8 @@ contains
   ! Gives all ranks the stat and the msg of the lowest rank whose stat is not 0.
   module procedure shearbus_mpi_agree
     type(c_status) :: status
-    integer :: i
     call clear(status)
-    status%code = stat
-    status%remedy(1) = c_null_char
-    do i = 1, min(len_trim(msg), size(status%text) - 1)
-      status%text(i) = msg(i:i)
-    end do
-    status%text(i) = c_null_char
+    call tell(int(stat, c_int), status, trim(msg))
     stat = c_mpi_agree(ranks%handle, stat, status)
     if (stat /= 0) msg = text_of(status%text)
   end procedure
