@@ -6,11 +6,14 @@
 #include <utility>
 
 #include "proto/wire/messages.hpp"
+#include "server/service/scene_model.hpp"
 
 namespace shearbus::service {
 
 using physics::LedgerTerm;
+using physics::ModelOptions;
 using physics::TileInputs;
+using shard::Shard;
 using shard::TileAnswers;
 using wire::Field;
 
@@ -85,11 +88,12 @@ void add_stick_form(const wire::Batch& request, double dt, shard::StepColumns& c
 
 // ---- columns that only models with certain options have ----
 
+using physics::ModelOptions;
+using shard::Shard;
+
 template <Field kDerivative>
 constexpr ColumnCondition kHasTangent = {
-    kDerivative,
-    wire::Kind::kOutput,
-    physics::Model::can_linearise,
+    kDerivative, [](const Shard&, const ModelOptions& options) { return physics::Model::can_linearise(options); },
     wire::Code::kUnsupported,
     "is of steps whose stress is given by one balance; those of a scene with tolerance, "
     "time_integrator = \"sdirk2\", two tangential components, layer.inertia, interface.plastic_layer, [melt_film], "
@@ -99,55 +103,55 @@ constexpr ColumnCondition kHasTangent = {
 
 template <Field kOfStickForm>
 constexpr ColumnCondition kHasOwnMasses = {
-    kOfStickForm,
-    wire::Kind::kInput,
-    [](const physics::ModelOptions& options) { return !options.inertia; },
-    wire::Code::kUnsupported,
+    kOfStickForm, [](const Shard&, const ModelOptions& options) { return !options.inertia; }, wire::Code::kUnsupported,
     "is of the stick form, which tells one impedance of both bodies, and with layer.inertia the mass of the layer is "
     "taken from that of the soft one",
     "Send the far-field form: stresses and masses of both half zones."};
 
+template <Field kSum>
+constexpr ColumnCondition kSumsEnergy = {
+    kSum, [](const Shard& shard, const ModelOptions&) { return shard.sums_energy(); }, wire::Code::kUnsupported,
+    "is of scenes with friction_energy = true", "Leave it out, or open the session with a scene that has the key."};
+
 constexpr std::array kConditions = {
-    ColumnCondition{Field::kSoftPlasticStrainRate, wire::Kind::kInput,
-                    [](const physics::ModelOptions& options) { return options.plastic_layer; },
+    ColumnCondition{Field::kSoftPlasticStrainRate,
+                    [](const Shard&, const ModelOptions& options) { return options.plastic_layer; },
                     wire::Code::kUnsupported,
                     "has no use in a force-driven layer without interface.plastic_layer, which has no plastic strain",
                     "Leave the column out, or set interface.plastic_layer = true."},
     ColumnCondition{
-        Field::kSoftShearRate, wire::Kind::kInput,
-        [](const physics::ModelOptions& options) { return options.drive == physics::Drive::kInterfaceSlip; },
+        Field::kSoftShearRate,
+        [](const Shard&, const ModelOptions& options) { return options.drive == physics::Drive::kInterfaceSlip; },
         wire::Code::kShape, "drives the layer only with velocity_driven.drive = \"interface_slip\"",
         "Leave the column out, or change the drive."},
-    ColumnCondition{Field::kUnspecified, wire::Kind::kLedger,
-                    [](const physics::ModelOptions& options) { return !options.inertia; }, wire::Code::kUnsupported,
-                    "is of layers with one stress, and with layer.inertia it varies",
+    ColumnCondition{Field::kUnspecified, [](const Shard&, const ModelOptions& options) { return !options.inertia; },
+                    wire::Code::kUnsupported, "is of layers with one stress, and with layer.inertia it varies",
                     "Leave out the columns of the energy ledger."},
-    ColumnCondition{Field::kUnspecified, wire::Kind::kLedger,
-                    [](const physics::ModelOptions& options) {
-                      return options.grid.far_boundary != physics::FarBoundary::kIsothermal &&
-                             (!options.hard_grid ||
-                              options.hard_grid->far_boundary != physics::FarBoundary::kIsothermal);
-                    },
+    ColumnCondition{Field::kUnspecified, [](const Shard&, const ModelOptions& options) { return has_ledger(options); },
                     wire::Code::kUnsupported,
                     "has no term for the heat that leaves through a face with far_boundary = \"isothermal\"",
                     "Leave out the columns of the energy ledger."},
-    ColumnCondition{Field::kMeanFarStress, wire::Kind::kOutput,
-                    [](const physics::ModelOptions& options) { return options.inertia; }, wire::Code::kUnsupported,
+    ColumnCondition{Field::kMeanFarStress, [](const Shard&, const ModelOptions& options) { return options.inertia; },
+                    wire::Code::kUnsupported,
                     "is of layers with inertia: without layer.inertia the stress is the same at both faces",
                     "Leave it out; the mean stress of the step is in mean_shear_stress_pa."},
     kHasOwnMasses<Field::kStickStress>,
     kHasOwnMasses<Field::kImpedance>,
     kHasTangent<Field::kStressPerJump>,
     kHasTangent<Field::kStressPerPressure>,
-    ColumnCondition{Field::kFilmThickness, wire::Kind::kOutput,
-                    [](const physics::ModelOptions& options) { return options.melt_film.has_value(); },
+    ColumnCondition{Field::kFilmThickness,
+                    [](const Shard&, const ModelOptions& options) { return options.melt_film.has_value(); },
                     wire::Code::kUnsupported, "is of scenes with the table [melt_film], and in this one nothing melts",
                     "Leave it out, or open the session with a scene that has the table."},
-    ColumnCondition{Field::kErrorEstimate, wire::Kind::kOutput,
-                    [](const physics::ModelOptions& options) { return options.tolerance.has_value(); },
-                    wire::Code::kUnsupported,
-                    "is of scenes with a tolerance, and this one has none: its steps are not controlled",
-                    "Leave it out, or open the session with a tolerance in place of cells and grading."},
+    ColumnCondition{
+        Field::kErrorEstimate, [](const Shard&, const ModelOptions& options) { return options.tolerance.has_value(); },
+        wire::Code::kUnsupported, "is of scenes with a tolerance, and this one has none: its steps are not controlled",
+        "Leave it out, or open the session with a tolerance in place of cells and grading."},
+    ColumnCondition{Field::kClosure, [](const Shard& shard, const ModelOptions&) { return shard.check_closure(); },
+                    wire::Code::kUnsupported, "is of sessions that check closure",
+                    "Leave it out, or open the session with open_session.check_closure."},
+    kSumsEnergy<Field::kFrictionEnergySoft>,
+    kSumsEnergy<Field::kFrictionEnergyHard>,
 };
 
 }  // namespace
@@ -161,26 +165,20 @@ wire::Strategy strategy_of(const physics::ModelOptions& options) {
                                                              : wire::Strategy::kVelocityDriven;
 }
 
-const ColumnCondition* unmet_condition(Field field, const physics::ModelOptions& options) {
+const ColumnCondition* unmet_condition(Field field, const Shard& shard) {
+  const ModelOptions& options = shard.model().options();
   const wire::ColumnRow* row = wire::find_column(field);
   if (row == nullptr || row->use(strategy_of(options)) == wire::Use::kNone) return nullptr;
-  for (const ColumnCondition& condition : kConditions) {
-    const bool meant =
-        condition.field == field || (condition.field == Field::kUnspecified && condition.kind == row->kind);
-    if (meant && !condition.holds(options)) return &condition;
-  }
+  const Field group = row->kind == wire::Kind::kLedger ? Field::kUnspecified : field;
+  for (const ColumnCondition& condition : kConditions)
+    if (condition.field == group && !condition.holds(shard, options)) return &condition;
   return nullptr;
 }
 
-ModelColumns columns_of(const physics::ModelOptions& options) {
-  const auto met = [&](std::span<const Field> fields) {
-    std::vector<Field> list;
-    std::ranges::copy_if(fields, std::back_inserter(list),
-                         [&](Field field) { return !unmet_condition(field, options); });
-    return list;
-  };
-  const wire::StrategyColumns& all = wire::columns_of(strategy_of(options));
-  return {met(all.required), met(all.optional), met(all.reply), met(all.on_request)};
+std::vector<Field> columns_met(std::span<const Field> columns, const Shard& shard) {
+  std::vector<Field> met;
+  std::ranges::copy_if(columns, std::back_inserter(met), [&](Field field) { return !unmet_condition(field, shard); });
+  return met;
 }
 
 shard::StepColumns step_columns(const wire::Batch& request, wire::Batch& reply, double dt, shard::StepColumns memory) {

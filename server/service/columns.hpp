@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -23,37 +24,24 @@ inline std::uint32_t slot_of(const shard::NodeTable& nodes, const shard::Rows& r
   return rows.all ? nodes.slot_of(row) : rows.slots[row];
 }
 
-// Whether the column is a sum that only nodes of a scene with friction_energy = true keep.
-inline bool is_friction_energy(wire::Field field) {
-  return field == wire::Field::kFrictionEnergySoft || field == wire::Field::kFrictionEnergyHard;
-}
-
 // The name of a column in a capsule: its field's name, with an ending for the second tangential component.
 std::string name_of(const wire::Column& column);
 
 wire::Strategy strategy_of(const physics::ModelOptions& options);
 
-// The condition under which a model has a column of its strategy, and the refusal if it lacks the column.
+// The condition under which a session has a column of its strategy, and the refusal if it lacks the column.
 struct ColumnCondition {
-  wire::Field field;  // the column that the condition is about; kUnspecified: all columns of `kind`
-  wire::Kind kind;
-  bool (*holds)(const physics::ModelOptions&);  // true if a model of these options has the column
+  wire::Field field;  // the column that the condition is about; kUnspecified: all columns of the energy ledger
+  bool (*holds)(const shard::Shard&, const physics::ModelOptions&);  // true if a session with this shard has the column
   wire::Code code;
   const char* fault;  // fault text that follows the column's name
   const char* remedy;
 };
-// The condition of this column that the model does not meet. Null if the model has the column, or if no model of its
-// strategy has it.
-const ColumnCondition* unmet_condition(wire::Field field, const physics::ModelOptions& options);
+// The condition of this column that the session does not meet. Null if it has the column, or if none of its strategy has.
+const ColumnCondition* unmet_condition(wire::Field field, const shard::Shard& shard);
 
-// The columns of the model's strategy whose conditions the model meets.
-struct ModelColumns {
-  std::vector<wire::Field> required;
-  std::vector<wire::Field> optional;
-  std::vector<wire::Field> reply;
-  std::vector<wire::Field> on_request;
-};
-ModelColumns columns_of(const physics::ModelOptions& options);
+// Those of the columns whose conditions the session meets.
+std::vector<wire::Field> columns_met(std::span<const wire::Field> columns, const shard::Shard& shard);
 
 // The columns that the request holds and the columns that the reply has room for. The batches must outlive the result.
 // If the request gives the stick stress and the impedance of each node instead of the stresses and masses of the two

@@ -177,22 +177,21 @@ Service::NewNodes Service::new_nodes(const wire::Batch& batch, std::span<const s
 
 wire::SessionOpened Service::opened(const Member& member) const {
   const physics::Model& model = member.shard->model();
-  ModelColumns columns = columns_of(model.options());
-  if (!member.shard->check_closure()) std::erase(columns.on_request, Field::kClosure);
-  if (!member.shard->sums_energy()) std::erase_if(columns.on_request, is_friction_energy);
+  const wire::StrategyColumns& columns = wire::columns_of(strategy_of(model.options()));
+  std::vector<Field> reply_columns = columns_met(columns.reply, *member.shard);
   std::vector<std::string> warnings = model.warnings();
   std::ranges::copy(member.pairs.warnings(), std::back_inserter(warnings));
   std::uint64_t reply_row = 0;
-  for (const Field field : columns.reply) reply_row += wire::size_of(wire::element_of(field));
+  for (const Field field : reply_columns) reply_row += wire::size_of(wire::element_of(field));
   return {.effective_scene = member.scene,
           .bytes_per_node = member.shard->bytes_per_node() + reply_row,
           .warnings = std::move(warnings),
           .strategy = strategy_of(model.options()),
           .tangential_components = static_cast<std::uint32_t>(model.options().tangential_components),
-          .required_columns = std::move(columns.required),
-          .optional_columns = std::move(columns.optional),
-          .reply_columns = std::move(columns.reply),
-          .columns_on_request = std::move(columns.on_request),
+          .required_columns = columns_met(columns.required, *member.shard),
+          .optional_columns = columns_met(columns.optional, *member.shard),
+          .reply_columns = std::move(reply_columns),
+          .columns_on_request = columns_met(columns.on_request, *member.shard),
           .scene_name = member.scene_name,
           .pairs = member.pairs.names(),
           .parameters = member.pairs.parameters()};

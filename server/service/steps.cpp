@@ -223,11 +223,11 @@ std::unique_ptr<Service::RunningStep> Service::begin_step(Member& member, Arriva
   const wire::Request& request = running->request;
   const wire::Downscale& step = running->step();
   const physics::ModelOptions& options = shard.model().options();
-  const std::span<const Field> wanted = check_wanted(step, options, shard);
+  const std::span<const Field> wanted = check_wanted(step, shard);
   running->extends_trial = step.part > 1;
   if (step.follows != 0) check_follows(step, member.conversation.last_hash());
   check_part(step, request.batch, member.parts ? &*member.parts : nullptr);
-  running->rows = check_step(step, request.batch, options, shard.nodes());
+  running->rows = check_step(step, request.batch, shard);
   check_layer_masses(step.dt_s, request.batch, running->rows, shard);
   if (running->extends_trial) check_rows_of_part(request.batch, running->rows, *member.parts);
   const bool commits = step.commit_previous && !previous_committed_;

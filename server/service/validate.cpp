@@ -92,8 +92,8 @@ void check_components(const wire::Batch& batch, std::uint32_t components) {
 
 // Refuses a column that belongs to the strategy of the model but needs an option that this model lacks. The refusal
 // names the field `named_in` of the request as the one at fault.
-void check_condition(Field field, const physics::ModelOptions& options, const char* named_in) {
-  if (const ColumnCondition* unmet = unmet_condition(field, options))
+void check_condition(Field field, const shard::Shard& shard, const char* named_in) {
+  if (const ColumnCondition* unmet = unmet_condition(field, shard))
     refuse(unmet->code, named_in, fmt::format("{} {}", wire::name(field), unmet->fault), unmet->remedy);
 }
 
@@ -113,7 +113,8 @@ wire::Form form_of(const wire::Batch& batch, const wire::StrategyColumns& column
   return wire::Form::kStick;
 }
 
-void check_columns_of_step(const wire::Batch& batch, const physics::ModelOptions& options) {
+void check_columns_of_step(const wire::Batch& batch, const shard::Shard& shard) {
+  const physics::ModelOptions& options = shard.model().options();
   const wire::StrategyColumns& columns = wire::columns_of(strategy_of(options));
   check_components(batch, static_cast<std::uint32_t>(options.tangential_components));
   const wire::Form form = form_of(batch, columns);
@@ -142,7 +143,7 @@ void check_columns_of_step(const wire::Batch& batch, const physics::ModelOptions
       refuse(Code::kShape, wire::name(column.field),
              fmt::format("column {} does not belong to a step of this scene", wire::name(column.field)),
              "Send " + join_names({wire::columns_in(form, columns.required), columns.optional}) + " and nothing else.");
-    check_condition(column.field, options, wire::name(column.field));
+    check_condition(column.field, shard, wire::name(column.field));
   }
 }
 
@@ -415,10 +416,10 @@ void refuse_pair_columns(const wire::Batch& batch, std::size_t names) {
            "Leave the list out, or give the scene pairs.");
 }
 
-shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const physics::ModelOptions& options,
-                       const shard::NodeTable& nodes) {
-  check_times(step, options);
-  check_columns_of_step(batch, options);
+shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const shard::Shard& shard) {
+  const shard::NodeTable& nodes = shard.nodes();
+  check_times(step, shard.model().options());
+  check_columns_of_step(batch, shard);
   shard::Rows rows = locate_rows(batch, nodes);
   if (const std::size_t count = rows.all ? nodes.size() : rows.slots.size(); count > wire::kMaxRowsPerMessage)
     refuse(Code::kLimit, wire::name(Field::kNodeId),
@@ -478,10 +479,9 @@ shard::Rows check_profile_nodes(const wire::Batch& batch, const shard::NodeTable
   return rows;
 }
 
-std::span<const Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options,
-                                    const shard::Shard& shard) {
-  const std::span<const Field> all = wire::columns_of(strategy_of(options)).reply;
-  const std::span<const Field> on_request = wire::columns_of(strategy_of(options)).on_request;
+std::span<const Field> check_wanted(const wire::Downscale& step, const shard::Shard& shard) {
+  const wire::StrategyColumns& columns = wire::columns_of(strategy_of(shard.model().options()));
+  const std::span<const Field> all = columns.reply, on_request = columns.on_request;
   if (step.wanted.empty()) return all;
   for (std::size_t i = 0; i < step.wanted.size(); ++i) {
     const Field field = step.wanted[i];
@@ -490,14 +490,7 @@ std::span<const Field> check_wanted(const wire::Downscale& step, const physics::
              fmt::format("field {} ({}) is not a column of this scene's replies", static_cast<std::uint32_t>(field),
                          wire::name(field)),
              "Choose from " + join_names({all, on_request}) + ".");
-    check_condition(field, options, "wanted");
-    if (field == Field::kClosure && !shard.check_closure())
-      refuse(Code::kUnsupported, "wanted", fmt::format("{} is of sessions that check closure", wire::name(field)),
-             "Leave it out, or open the session with open_session.check_closure.");
-    if (is_friction_energy(field) && !shard.sums_energy())
-      refuse(Code::kUnsupported, "wanted",
-             fmt::format("{} is of scenes with friction_energy = true", wire::name(field)),
-             "Leave it out, or open the session with a scene that has the key.");
+    check_condition(field, shard, "wanted");
     if (contains(std::span(step.wanted).first(i), field))
       refuse(Code::kShape, "wanted", fmt::format("{} is wanted twice", wire::name(field)), "Name a column once.");
   }

@@ -79,14 +79,12 @@ void refuse_pair_columns(const wire::Batch& batch, std::size_t names);
 void check_times(const wire::Downscale& step, const physics::ModelOptions& options);
 
 // Checks options and columns of a step; returns for each row of the request the slot of its node in the node table.
-shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const physics::ModelOptions& options,
-                       const shard::NodeTable& nodes);
+shard::Rows check_step(const wire::Downscale& step, const wire::Batch& batch, const shard::Shard& shard);
 
 // Refuses closed contacts of force-driven layers with inertia whose half zones have too little mass for a step of dt.
 void check_layer_masses(double dt, const wire::Batch& batch, const shard::Rows& rows, const shard::Shard& shard);
 
 // The columns of the reply: the wanted columns, which belong to `step`, or all default columns of the strategy.
-std::span<const wire::Field> check_wanted(const wire::Downscale& step, const physics::ModelOptions& options,
-                                          const shard::Shard& shard);
+std::span<const wire::Field> check_wanted(const wire::Downscale& step, const shard::Shard& shard);
 
 }  // namespace shearbus::service
