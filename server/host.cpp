@@ -8,7 +8,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <charconv>
 #include <chrono>
 #include <cstddef>
 #include <cstdlib>
@@ -16,6 +15,8 @@
 #include <ctime>
 #include <fstream>
 #include <stdexcept>
+
+#include "proto/wire/numbers.hpp"
 
 namespace shearbus::server {
 namespace {
@@ -30,10 +31,8 @@ std::uint64_t file_limit() {
 
 // Returns 0 if the variable is not set or is not a number.
 std::uint64_t number_in_environment(const char* name) {
-  const char* text = std::getenv(name);
-  std::uint64_t number = 0;
-  if (text != nullptr) std::from_chars(text, text + std::strlen(text), number);
-  return number;
+  const char* const text = std::getenv(name);
+  return text != nullptr ? wire::count_of(text).value_or(0) : 0;
 }
 
 }  // namespace

@@ -89,20 +89,18 @@ std::function<void(const std::string&, bool)> log_of_recordings(const Log& log) 
 
 }  // namespace
 
-Server::Server(const ServerOptions& options, const Log& log) : Server(options, log, random_epoch()) {}
-
-Server::Server(const ServerOptions& options, const Log& log, std::uint64_t epoch)
-    : epoch_(epoch),
+Server::Server(const ServerOptions& options, const Log& log)
+    : epoch_(random_epoch()),
       pool_(options.threads),
       storage_(options.state_dir.empty() ? nullptr : std::make_unique<store::PosixStorage>(options.state_dir)),
-      store_(storage_ ? std::make_unique<store::Store>(*storage_, store_options(options, epoch, log)) : nullptr),
+      store_(storage_ ? std::make_unique<store::Store>(*storage_, store_options(options, epoch_, log)) : nullptr),
       recorder_(options.record_dir.empty() ? nullptr
                                            : std::make_unique<files::SessionRecorder>(
                                                  files::RecorderOptions{.place = options.record_dir,
                                                                         .recorder = files::Recorder::kServer,
                                                                         .sessions = options.record_sessions,
                                                                         .log = log_of_recordings(log)})),
-      service_(with_hooks(service_options(options, epoch, log)), pool_, store_.get()),
+      service_(with_hooks(service_options(options, epoch_, log)), pool_, store_.get()),
       access_(options),
       router_({.max_frame_bytes = wire::kMaxPayloadBytes,
                .authorise = [this](const transport::Peer& peer) { return access_.judge(peer); },

@@ -59,7 +59,6 @@ class Server {
   const transport::RouterCounters& transport() const { return router_.counters(); }
 
  private:
-  Server(const ServerOptions& options, const Log& log, std::uint64_t epoch);
   void checkpoint_if_due();
   void while_replaying();
   void end_if_failed() const;  // throws std::runtime_error

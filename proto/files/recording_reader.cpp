@@ -5,6 +5,7 @@
 #include <cmath>
 #include <system_error>
 #include <unordered_map>
+#include <utility>
 
 #include "proto/files/input_file.hpp"
 #include "proto/files/recording.hpp"
@@ -27,22 +28,12 @@ constexpr std::size_t kMaxChunkCacheBytes = 256ull << 20;
 constexpr std::size_t kMaxTextWidth = 1 << 20;
 
 const char* class_name(H5T_class_t type) {
-  switch (type) {
-    case H5T_INTEGER:
-      return "integer";
-    case H5T_FLOAT:
-      return "float";
-    case H5T_STRING:
-      return "text";
-    case H5T_ENUM:
-      return "enum or bool";
-    case H5T_COMPOUND:
-      return "compound";
-    case H5T_ARRAY:
-      return "array";
-    default:
-      return "non-numeric";
-  }
+  constexpr std::pair<H5T_class_t, const char*> kNames[] = {{H5T_INTEGER, "integer"},   {H5T_FLOAT, "float"},
+                                                            {H5T_STRING, "text"},       {H5T_ENUM, "enum or bool"},
+                                                            {H5T_COMPOUND, "compound"}, {H5T_ARRAY, "array"}};
+  for (const auto& [known, name] : kNames)
+    if (known == type) return name;
+  return "non-numeric";
 }
 
 std::string shape_text(const Shape& shape) {

@@ -43,16 +43,11 @@ void replace_all(std::string& text, std::string_view from, std::string_view to) 
 
 // The unit as its parts with powers, in alphabetical order: "kg/m2" is "kg m-2".
 std::string normal(std::string_view unit) {
+  constexpr std::pair<std::string_view, std::string_view> kSpellings[] = {
+      {"\u00b5", "u"}, {"\u03bc", "u"}, {"\u00b7", " "}, {"\u22c5", " "}, {"\u00b2", "2"}, {"\u207b", "-"},
+      {"\u00b9", "1"}, {"**", ""},      {"^", ""},       {".", " "},      {"*", " "}};
   std::string text(unit);
-  for (const std::string_view micro : {"\u00b5", "\u03bc"}) replace_all(text, micro, "u");
-  for (const std::string_view times : {"\u00b7", "\u22c5"}) replace_all(text, times, " ");
-  replace_all(text, "\u00b2", "2");
-  replace_all(text, "\u207b", "-");
-  replace_all(text, "\u00b9", "1");
-  replace_all(text, "**", "");
-  std::erase(text, '^');
-  std::ranges::replace(text, '.', ' ');
-  std::ranges::replace(text, '*', ' ');
+  for (const auto& [from, to] : kSpellings) replace_all(text, from, to);
   std::vector<std::string> parts;
   bool below = false;
   for (std::size_t at = 0; at < text.size();) {

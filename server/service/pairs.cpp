@@ -49,14 +49,10 @@ std::string help_with(std::string_view parameter) {
   return near.empty() ? "" : fmt::format("; did you mean \"{}\"?", near);
 }
 
-bool is_pair_column(const shard::StateColumn& column) {
-  return column.name == kPairColumn || column.name.starts_with(kParameterColumn);
-}
-
 std::vector<const shard::StateColumn*> pair_columns(const shard::States& states) {
   std::vector<const shard::StateColumn*> found;
   for (const shard::StateColumn& column : states.columns)
-    if (is_pair_column(column)) found.push_back(&column);
+    if (column.name == kPairColumn || column.name.starts_with(kParameterColumn)) found.push_back(&column);
   return found;
 }
 
