@@ -7,6 +7,6 @@
 
 namespace shearbus::physics {
 
-inline constexpr std::uint16_t kNumericsVersion = 15;
+inline constexpr std::uint16_t kNumericsVersion = 16;
 
 }  // namespace shearbus::physics

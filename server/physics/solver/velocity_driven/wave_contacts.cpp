@@ -4,7 +4,9 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <utility>
 
+#include "server/physics/material/elementary.hpp"
 #include "server/physics/solver/flow/root_search.hpp"
 #include "server/physics/solver/scratch.hpp"
 #include "server/physics/solver/velocity_driven/waves.hpp"
@@ -18,7 +20,8 @@ constexpr double kSameSlip = 1e-9;    // relative
 constexpr double kUnsure = 100.0;     // times what waves know the slip to, a search may end apart
 constexpr double kNothing = 1e-13;    // velocity that waves do not tell from none  [m/s]
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kMostSlips = 40;  // that are tried downward from the most
+constexpr int kMostSlips = 40;   // that are tried downward from the most
+constexpr int kUsualSlips = 12;  // that a search between two slips needs, unless an interface creeps
 
 // The slip of the contacts of a tile. Each slip velocity v has one stress that the contact carries, the zero of
 //   a - s_lim(T0, v),   T0 = T_ad + B0 q,   q = beta_T a v, or beta_T a [V] where the jump is imposed:
@@ -52,20 +55,26 @@ class SlidingWaves {
   struct Lane {
     StressLimit limit;
     double T_ad = 0.0, jump = 0.0;
-    double direction = 1.0;             // of the stress: until waves have been solved, that of the jump
-    bool faced = false;                 // waves have been solved
-    double most = -1.0;                 // slip that no stress leaves; negative: not known
-    double v = 0.0, a = 0.0;            // the slip that is tried, and its stress
-    double left = 0.0;                  // the slip that waves leave at that
-    double at_rest = 0.0;               // the same for v = 0
-    double known = 0.0;                 // accuracy of `left`
-    double low = 0.0;                   // the largest slip that is tried and leaves more than itself
-    double above = 0.0, missing = 0.0;  // the smallest one that leaves less, and by how much
-    bool several = false;               // the interface can stick as well
-    bool between = false;               // the search lies between `low` and `above`
-    bool last = false;                  // the next evaluation is the answer
+    double direction = 1.0;        // of the stress: until waves have been solved, that of the jump
+    bool faced = false;            // waves have been solved
+    double most = -1.0;            // slip that no stress leaves; negative: not known
+    double v = 0.0, a = 0.0;       // the slip that is tried, and its stress
+    double left = 0.0;             // the slip that waves leave at that
+    double at_rest = 0.0;          // the same for v = 0
+    double known = 0.0;            // accuracy of `left`
+    double unused = 0.0;           // slip that the stress could stop beyond all slip, by waves or elastic shear
+    double low = 0.0, more = 0.0;  // the largest slip that is tried and leaves more than itself, by how much
+    double low_before = 0.0, more_before = 0.0;  // the same before that
+    double above = 0.0, missing = 0.0;           // the smallest one that leaves less, and by how much
+    bool several = false;                        // the interface can stick as well
+    bool between = false;                        // the search lies between `low` and `above`
+    bool creeps = false;                         // it goes on in 1 + ln(v/unit)
+    bool tried_least = false;                    // the least slip has been tried, too
+    bool last = false;                           // the next evaluation is the answer
+    double unit = 0.0;
     RootSearch slips;
     double surplus() const { return v - left; }
+    double slip_at() const { return creeps ? unit * exponential(slips.at() - 1.0) : slips.at(); }
     // At the slip v an interface that waves let slip; at rest any that slips by no more than rounding.
     bool closed() const { return std::abs(surplus()) <= known && (left > 0.0 || v == 0.0); }
   };
@@ -110,6 +119,8 @@ class SlidingWaves {
       own.faced = true;
       own.left = std::max(0.0, own.direction * found_[l].interface_slip);
       own.known = kSlipKnown * fastest(l);
+      const double left_over = own.a - own.direction * found_[l].stress[0];
+      own.unused = own.left > 0.0 ? 0.0 : per_stress_ * std::max(0.0, left_over);
     }
   }
 
@@ -175,7 +186,7 @@ class SlidingWaves {
   }
 
   // Chooses the next slip. Returns false if the last one is the answer.
-  static bool go_on(Lane& own, int tried) {
+  bool go_on(Lane& own, int tried) const {
     const double surplus = own.surplus();
     if (!own.between) {
       if (surplus < 0.0 && tried == 0) return false;  // by rounding
@@ -197,24 +208,54 @@ class SlidingWaves {
       own.last = true;
       return true;
     }
-    if (surplus < 0.0) own.low = std::max(own.low, own.v);
-    if (own.slips.update(surplus)) {
+    if (surplus < 0.0) {
+      own.low_before = std::exchange(own.low, own.v);
+      own.more_before = std::exchange(own.more, -surplus);
+    } else {
+      own.above = own.v;
+      own.missing = surplus + own.unused;
+    }
+    const bool of_search = own.v == own.slip_at();  // else it was the least slip
+    if (of_search && own.slips.update(own.creeps ? surplus + own.unused : surplus)) {
       own.v = own.low;
       own.last = true;
-    } else {
-      own.v = own.slips.at();
+      return true;
     }
+    if (own.creeps) prefer_secant(own);
+    own.v = own.slip_at();
+    if (forced_ && tried >= kUsualSlips && !own.creeps) creep(own);
     return true;
+  }
+
+  // Under force an interface may creep many powers of ten below the slip that no stress leaves, under a stress that follows the logarithm
+  // of the slip. There the search goes on in that logarithm, and where waves leave nothing by the stress that they leave
+  // unused. First it tries the least slip above rest, if no slip is known that leaves more than itself.
+  static void creep(Lane& own) {
+    if (own.low > 0.0) {
+      own.creeps = true;
+      own.unit = own.low;
+      own.slips = RootSearch(1.0, -own.more, 1.0 + logarithm(own.above / own.low), own.missing, own.at_rest, kInfinity);
+      own.v = own.slip_at();
+    } else if (!std::exchange(own.tried_least, true)) {
+      own.v = std::min(own.v, std::max(own.known, own.limit.least_slip));
+    }
+  }
+
+  // The slip that is left falls less steeply from where waves leave nothing on, which is next to the answer: the secant of the
+  // two largest slips that leave something tells more of it than a search across.
+  static void prefer_secant(Lane& own) {
+    if (!(own.low_before > 0.0 && own.more_before > own.more)) return;
+    const double low = 1.0 + logarithm(own.low / own.unit), step = logarithm(own.low / own.low_before);
+    own.slips.prefer(low + step * (own.more / (own.more_before - own.more)));
   }
 
   // Lets interfaces stick that slip by a rounding of what the waves let slip under no stress.
   void stop(std::uint32_t lanes) {
-    const double per_stress = velocity_per_stress(problem_.options.soft, problem_.grid, heat_.dt);
     double slips[kLanes];
     std::uint32_t slow = 0;
     for (const int l : lanes_of(lanes)) {
       const double* stress = found_[l].stress;
-      const double most = fastest(l) + per_stress * std::max(std::abs(stress[0]), std::abs(stress[1]));
+      const double most = fastest(l) + per_stress_ * std::max(std::abs(stress[0]), std::abs(stress[1]));
       slips[l] = lanes_[l].v;
       if (slips[l] > 0.0 && slips[l] <= kAtRest * most) slow |= 1u << l;
     }
@@ -265,6 +306,7 @@ class SlidingWaves {
   const bool forced_ = is_forced(problem_);
   const double share_ = heat_share(problem_);  // of the work at z = 0 that heats there
   const double B0_ = heat_.layer_response()[0];
+  const double per_stress_ = velocity_per_stress(problem_.options.soft, problem_.grid, heat_.dt);
   std::size_t velocities_ = problem_.layout.num_velocity_cells * kLanes;
   // The state before the stage, and the velocities of the last waves, from which the next ones are searched.
   double* start_ = scratch_tile(Scratch::kWaves, problem_.layout.doubles + velocities_);
