@@ -1,9 +1,10 @@
-// Random scenes of the stability campaign that once broke a law, and those that tests/property/physics_invariants.cpp
-// does not draw.
+// Runs random scenes of the stability campaign for a short time. "shearbus-study stability --random" runs as many
+// node-steps as requested.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cstdint>
+#include <cstdio>
 #include <utility>
 #include <vector>
 
@@ -11,6 +12,18 @@
 
 namespace shearbus::study::stability {
 namespace {
+
+TEST(Random, InvariantsHoldFromAnyState) {
+  for (const RandomOutcome& one : run_random(200000, 1)) {
+    std::printf("%s: %ld scenes, %ld node-steps; sums %d, limits %d, newton %d\n", one.name.c_str(), one.scenes,
+                one.figures.node_steps, one.most.layer_sums, one.most.limit_values, one.most.newton_steps);
+    EXPECT_GT(one.extreme_scenes, 0) << one.name;
+    EXPECT_GT(one.scenes, one.extreme_scenes) << one.name;
+    for (const RandomOutcome::Fault& fault : one.faults) {
+      ADD_FAILURE() << one.name << ", seed " << fault.seed << ": " << fault.text;
+    }
+  }
+}
 
 // A history that once broke a law.
 struct BrokenOnce {
