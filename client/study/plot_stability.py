@@ -11,7 +11,7 @@ from pictures import arguments, save, style
 
 
 def effort(cell):
-    return max(1, cell["layer_sums"] + cell["limit_values"] + cell["newton_steps"])
+    return max(1, cell["layer_sums"] + cell["limit_values"] + cell["wave_evaluations"])
 
 
 def of_one_scene(study, cells):

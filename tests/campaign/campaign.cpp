@@ -101,8 +101,7 @@ class Judge {
 void take_most(SearchEffort& most, const SearchEffort& now) {
   most.layer_sums = std::max(most.layer_sums, now.layer_sums);
   most.limit_values = std::max(most.limit_values, now.limit_values);
-  most.newton_steps = std::max(most.newton_steps, now.newton_steps);
-  most.guarded_steps = std::max(most.guarded_steps, now.guarded_steps);
+  most.wave_evaluations = std::max(most.wave_evaluations, now.wave_evaluations);
 }
 
 SearchEffort effort_bound(const ModelOptions& options, bool divided) {
@@ -120,15 +119,17 @@ SearchEffort effort_bound(const ModelOptions& options, bool divided) {
   const bool falls = has_friction(options) && properties_of(options.interface.friction_law).falls_with_slip;
   // Work that heats in place asks for the waves, and with them for the limit, at each amount of heat that is tried.
   const int amounts = options.inertia && options.taylor_quinney_factor ? 30 : 1;
-  // Under force a step asks for the waves at each slip that is tried, most of them far from its answer.
+  // Under force a step asks for the waves at each slip that is tried, most of them far from its answer. Of a lane whose
+  // Newton's method fails each solution takes some hundred evaluations.
   const bool forced_waves = options.inertia && options.strategy == Strategy::kForceDriven;
   return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves * (varies ? kLanes : 1),
           .limit_values = (options.plastic_layer ? 60 * 200
                            : falls               ? 400
                                                  : 60) *
                           kLanes * solves * amounts,
-          .newton_steps = 20000 * (forced_waves ? 5 : 1),
-          .guarded_steps = kLanes};
+          .wave_evaluations = 20000 * (forced_waves  ? 25
+                                       : amounts > 1 ? 5
+                                                     : 1)};
 }
 
 void require_effort(const SearchEffort& step, const Rig& rig) {
@@ -139,8 +140,8 @@ void require_effort(const SearchEffort& step, const Rig& rig) {
           step.layer_sums, bound.layer_sums);
   require(step.limit_values <= bound.limit_values, "{} values of the limit in one step, at most {} expected",
           step.limit_values, bound.limit_values);
-  require(step.newton_steps <= bound.newton_steps, "{} Newton steps in one step, at most {} expected",
-          step.newton_steps, bound.newton_steps);
+  require(step.wave_evaluations <= bound.wave_evaluations, "{} evaluations of waves in one step, at most {} expected",
+          step.wave_evaluations, bound.wave_evaluations);
 }
 
 Outcome run(const Row& row, const Physics& physics, int most_steps) {

@@ -64,13 +64,13 @@ Outcome worst_of(const std::vector<const Outcome*>& outcomes) {
 
 void print_heading(const char* first) {
   fmt::print("\n{:<36} {:>9} {:>10} {:>9} {:>9} {:>9} {:>6} {:>7} {:>7} {:>7}\n", first, "verdict", "node-steps",
-             "heat bal.", "over lim.", "to melt", "bound", "sums", "limits", "Newton");
+             "heat bal.", "over lim.", "to melt", "bound", "sums", "limits", "waves");
 }
 void print_line(const std::string& name, const Outcome& o) {
   if (o.verdict == Verdict::kNotAsked) return fmt::print("{:<36} {:>9}\n", name, name_of(o.verdict));
   fmt::print("{:<36} {:>9} {:>10} {:>9.1e} {:>9.1e} {:>9.1e} {:>6.4f} {:>7} {:>7} {:>7}\n", name, name_of(o.verdict),
              o.figures.node_steps, o.figures.heat_residual, o.figures.over_limit, o.figures.nearest_melting,
-             o.bound_share, o.most.layer_sums, o.most.limit_values, o.most.newton_steps);
+             o.bound_share, o.most.layer_sums, o.most.limit_values, o.most.wave_evaluations);
 }
 
 void print_row(const Row& row, const std::vector<Outcome>& outcomes) {
@@ -93,7 +93,7 @@ void print_physics(const Campaign& c) {
   }
   fmt::print(
       "heat bal.: of the heat there is; over lim.: of a stress over what its law allows; to melt: K left; bound: of "
-      "the heat a molten interface would take;\nsums over the layer, values of the limit, Newton steps of waves: "
+      "the heat a molten interface would take;\nsums over the layer, values of the limit, evaluations of waves: "
       "most in one step of eight nodes\n");
   for (std::size_t r = 0; r < c.rows.size(); ++r)
     for (std::size_t p = 0; p < c.physics.size(); ++p)
@@ -122,7 +122,7 @@ void print_random(const Campaign& c) {
         "  {:<32} {} scenes, {} node-steps, {} broken; heat balance {:.1e}, over a limit {:.1e}; divided {}, several "
         "answers {}; sums {}, limits {}, Newton {}\n",
         one.name, one.scenes, f.node_steps, one.faults.size(), f.heat_residual, f.over_limit, f.divided, f.several,
-        one.most.layer_sums, one.most.limit_values, one.most.newton_steps);
+        one.most.layer_sums, one.most.limit_values, one.most.wave_evaluations);
     if (one.slept.asleep > 0)
       fmt::print("    {} asleep, {} of them stuck under stress, woke {} times; T0 at most {:.1e} K from that awake\n",
                  one.slept.asleep, one.slept.stuck, one.slept.woken, one.slept.apart);
@@ -142,8 +142,7 @@ void add_figures(nlohmann::ordered_json& to, const Figures& f, const SearchEffor
              {"nearest_melting_k", f.nearest_melting},
              {"layer_sums", most.layer_sums},
              {"limit_values", most.limit_values},
-             {"newton_steps", most.newton_steps},
-             {"guarded_steps", most.guarded_steps}});
+             {"wave_evaluations", most.wave_evaluations}});
 }
 
 nlohmann::ordered_json cells_json(const Campaign& c) {

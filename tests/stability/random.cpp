@@ -15,8 +15,8 @@ namespace {
 
 TEST(Random, InvariantsHoldFromAnyState) {
   for (const RandomOutcome& one : run_random(200000, 1)) {
-    std::printf("%s: %ld scenes, %ld node-steps; sums %d, limits %d, newton %d\n", one.name.c_str(), one.scenes,
-                one.figures.node_steps, one.most.layer_sums, one.most.limit_values, one.most.newton_steps);
+    std::printf("%s: %ld scenes, %ld node-steps; sums %d, limits %d, waves %d\n", one.name.c_str(), one.scenes,
+                one.figures.node_steps, one.most.layer_sums, one.most.limit_values, one.most.wave_evaluations);
     EXPECT_GT(one.extreme_scenes, 0) << one.name;
     EXPECT_GT(one.scenes, one.extreme_scenes) << one.name;
     for (const RandomOutcome::Fault& fault : one.faults) {

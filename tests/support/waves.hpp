@@ -107,7 +107,7 @@ inline LaneAnswer search_waves(const Rig& rig, const LaneWaves& of, int newton_s
   WaveAnswer answer;
   LaneAnswer found{.found = advance_waves(step, 1, answer) == 1};
   found.guarded = answer.guarded != 0;
-  found.iterations = static_cast<int>(answer.iterations[0]);
+  found.iterations = static_cast<int>(answer.evaluations[0]);
   if (!found.found) return found;
   found.flux = answer.flux[0];
   found.interface_slip = answer.interface_slip[0];

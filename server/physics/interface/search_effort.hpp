@@ -3,13 +3,12 @@
 
 namespace shearbus::physics {
 
-// `layer_sums` counts per tile, because the lanes of a tile are summed together until the slowest lane is done. Every
-// other member adds up the counts of all lanes.
+// Of a flowing layer `layer_sums` counts per tile, because the lanes of a tile are summed together until the slowest lane is
+// done. Every other count adds up those of all lanes.
 struct SearchEffort {
-  int layer_sums = 0;     // number of times that the plastic flow was summed over the vertices of the layer
-  int limit_values = 0;   // number of evaluations of a stress limit: the interface's, or the layer's ceiling (Y_max)
-  int newton_steps = 0;   // number of Newton steps of layers with inertia
-  int guarded_steps = 0;  // number of lanes with inertia for which Newton's method failed and a bisection took over
+  int layer_sums = 0;    // how often plastic flow was summed over a layer, or the phases of a melting one were solved
+  int limit_values = 0;  // evaluations of a stress limit: the interface's, a film's, or the layer's ceiling (Y_max)
+  int wave_evaluations = 0;  // evaluations of the balance of momentum of a layer with inertia
 };
 
 }  // namespace shearbus::physics

@@ -53,10 +53,9 @@ std::uint32_t solve_waves(const InertiaStage& stage, const WaveEnds& ends, std::
   const std::uint32_t solved = advance_waves(step, lanes, answer);
   for (const int l : lanes_of(lanes)) {
     if (inputs.effort != nullptr) {
-      inputs.effort->newton_steps += static_cast<int>(answer.iterations[l]);
-      inputs.effort->guarded_steps += contains(answer.guarded, l) ? 1 : 0;
+      inputs.effort->wave_evaluations += static_cast<int>(answer.evaluations[l]);
     }
-    add_work(inputs, l, n * (1.0 + flow_work(soft.flow_law) * answer.iterations[l]));
+    add_work(inputs, l, n * (1.0 + flow_work(soft.flow_law) * answer.evaluations[l]));
     if (!contains(solved, l)) continue;
     const double* stress = trial + layout.shear_stress + l;
     found[l] = {.flux = answer.flux[l],

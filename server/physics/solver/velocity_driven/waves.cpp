@@ -52,10 +52,10 @@ constexpr double kLeastDescent = 0.25;
 // Share of secants in the slopes of a step of the line search: the least, and its factors after a step that was cut and
 // after one that was not.
 constexpr double kLeastSecant = 1e-4, kMoreSecant = 10.0, kLessSecant = 0.3;
-constexpr int kBisections = 200;          // largest number of bisections of an interval, enough to reach rounding
-constexpr int kFewBisections = 30;        // the same where secants take the place of a step that needs more
-constexpr int kGuardedSteps = 400;        // largest number of Newton steps of search() at each heat flux that it tries
-constexpr int kMostGuardedSteps = 4000;   // the same if search() is repeated because its first result was not balanced
+constexpr int kBisections = 30;          // of a step of the line search that secants take the place of if it needs more
+constexpr int kQuickSteps = 20;          // of search() at one heat flux, which takes secants where it needs more
+constexpr int kGuardedSteps = 400;       // largest number of Newton steps of search() at each heat flux that it tries
+constexpr int kMostGuardedSteps = 4000;  // the same if search() is repeated because its first result was not balanced
 constexpr double kSurelyBalanced = 1e-6;  // largest accepted residual of the momentum balance, relative to the stresses
 // Largest accepted residual due to rounding, in units of the stress that one ulp of the largest velocity causes.
 constexpr double kUlps = 1e4;
@@ -116,8 +116,8 @@ class WaveSearch : private one::WaveLanes {
       }
       found = (evaluations_left_ > 0 || step_.forced) && balanced();
     }
-    if (found) write(true, iterations_);
-    rows_.answer.iterations[lane_] = iterations_;
+    if (found) write(true, evaluations_);
+    rows_.answer.evaluations[lane_] = evaluations_;
     return found;
   }
 
@@ -131,6 +131,7 @@ class WaveSearch : private one::WaveLanes {
   // z = 0.
   void evaluate(std::optional<double> given) {
     --evaluations_left_;
+    evaluations_ += 1.0;
     const auto return_of = [&](std::ptrdiff_t i, double trial, double T) {
       if (has_form_) return return_by_form(i, trial, T);
       const LawReturn& by_law = i == 0 ? by_law_near_ : i == tile_.num_cells ? by_law_far_ : by_law_;
@@ -188,16 +189,15 @@ class WaveSearch : private one::WaveLanes {
   // only if two slopes, at its middle and at its end, prove that the energy falls.
   bool descend(std::optional<double> flux, int max_steps, bool surely) {
     evaluate(flux);
-    const int bisections = step_.heats_in_place ? kFewBisections : kBisections;
     double secant = 0.0;  // share of secants in the slopes of the next step
     for (int iteration = 0; iteration < max_steps && evaluations_left_ > 0; ++iteration) {
       if (secant > 0.0) mix_secants(secant);
       const Size size = newton_direction();
-      iterations_ += 1.0;
+      if (surely && iteration >= kQuickSteps) stalled_ = true;
       if (!std::isfinite(size.step)) return false;
       const double scale = size.velocity + size.stress * tile_.velocity_per_stress;
       const bool last = secant == 0.0 ? size.step <= kConvergedAlone * scale + kNothing
-                                      : step_.heats_in_place && size.step <= kLastDigits * scale;
+                                      : stalled_ && size.step <= kLastDigits * scale;
       for (std::ptrdiff_t c = 0; c < tile_.num_cells; ++c) put(at(rows_.velocity, c), rows_.before, c);
       const double slope_0 = slope();
       double slope = slope_after(1.0, flux);
@@ -208,7 +208,7 @@ class WaveSearch : private one::WaveLanes {
       double hi = 1.0;
       double part = 1.0;
       int k = 0;
-      for (; k < bisections && slope_0 < 0.0; ++k) {
+      for (; k < kBisections && slope_0 < 0.0; ++k) {
         bool too_far = slope > -kOvershoot * slope_0;
         if (surely && slope > 0.0 && !too_far) {
           too_far = slope_after(0.5 * part, flux) + slope > kLeastDescent * slope_0;
@@ -219,11 +219,12 @@ class WaveSearch : private one::WaveLanes {
         part = 0.5 * (lo + hi);
         slope = slope_after(part, flux);
       }
-      if (step_.heats_in_place && k == bisections) {  // no shorter step is tried
+      if (k == kBisections) {  // no shorter step is tried
+        stalled_ = true;
         if (!surely) return false;
         slope_after(lo, flux);  // the energy falls until there
       }
-      if (!surely || !(step_.forced || step_.heats_in_place)) continue;  // elsewhere the bits stay as they were
+      if (!surely || !(step_.forced || stalled_)) continue;
       if (part < 1.0)
         secant = std::clamp(kMoreSecant * secant, kLeastSecant, 1.0);
       else
@@ -271,8 +272,11 @@ class WaveSearch : private one::WaveLanes {
 
   bool has_form_;  // the law is that of WaveTile
   LawReturn by_law_, by_law_near_, by_law_far_;
+  // A step of the line search was too short to be found, at rounding, or may be: work that heats in place asks for the
+  // waves at temperatures next to melting.
+  bool stalled_ = step_.heats_in_place;
   int evaluations_left_ = kWaveEvaluations;
-  double iterations_ = 0.0;
+  double evaluations_ = 0.0;
 };
 
 }  // namespace

@@ -33,7 +33,7 @@ inline double velocity_per_stress(const Material& soft, const Grid& grid, double
 
 // Largest number of Newton steps of the search of one lane, and of evaluations of the balance in its guarded search.
 inline constexpr int kWaveNewtonSteps = 60;
-inline constexpr int kWaveEvaluations = 200'000;
+inline constexpr int kWaveEvaluations = 20'000;
 
 struct WaveStep {
   const Material* soft;    // material of the soft body, where it does not depend on pressure
@@ -64,7 +64,7 @@ struct WaveAnswer {
   alignas(64) double flux[kLanes];           // heat flux q into the layer  [W/m2]
   alignas(64) double slip_along[2][kLanes];  // flow and slip along stresses above 0, and along those below  [m]
   double interface_slip[kLanes];             // slip velocity v[-1] of the interface at z = 0, signed  [m/s]
-  double iterations[kLanes];                 // Newton steps
+  double evaluations[kLanes];                // of the balance: Newton steps and, alone, what shortens them
   std::uint32_t guarded;                     // lanes that needed the guarded search
 };
 

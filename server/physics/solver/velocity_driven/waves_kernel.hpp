@@ -312,7 +312,7 @@ class WaveLanes {
 
   // Writes the answers of the lanes whose next Newton step would change nothing: the iterate itself, whose stresses have
   // been evaluated, and the sums of its slip. The flow of a vertex that friction holds is left to the caller.
-  void write(Mask solved, Register iterations) {
+  void write(Mask solved, Register evaluations) {
     Register positive{}, negative{}, before{};
     for (std::ptrdiff_t i = 0; i <= tile_.num_cells; ++i) {
       const Register v = velocity_behind(i), s = at(rows_.stress, i);
@@ -332,7 +332,7 @@ class WaveLanes {
     put(solved, positive, rows_.answer.slip_along[0], 0);
     put(solved, negative, rows_.answer.slip_along[1], 0);
     put(solved, flux_, rows_.answer.flux, 0);
-    put(solved, iterations, rows_.answer.iterations, 0);
+    put(solved, evaluations, rows_.answer.evaluations, 0);
     rows_.held |= lanes_where(held_ & solved) << lane_;
   }
 
