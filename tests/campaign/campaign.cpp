@@ -122,9 +122,12 @@ SearchEffort effort_bound(const ModelOptions& options, bool divided) {
   // Under force a step asks for the waves at each slip that is tried, most of them far from its answer. Of a lane whose
   // Newton's method fails each solution takes some hundred evaluations.
   const bool forced_waves = options.inertia && options.strategy == Strategy::kForceDriven;
-  return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves * (varies ? kLanes : 1),
+  // Where heat crosses a melting body within a step, the phases of its vertices change one after another.
+  const int melting = options.melt_film ? kLanes * options.grid.cells / 4 : 1;
+  return {.layer_sums = (options.plastic_layer ? 610 : 300) * solves * (varies ? kLanes : 1) * melting,
           .limit_values = (options.plastic_layer ? 60 * 200
                            : falls               ? 400
+                           : options.melt_film   ? 200
                                                  : 60) *
                           kLanes * solves * amounts,
           .wave_evaluations = 20000 * (forced_waves  ? 25

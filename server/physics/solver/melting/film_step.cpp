@@ -21,20 +21,23 @@ constexpr int kNewtonSteps = 20;   // most steps in which phases and stress are 
 // of the end of the step, as an interface sticks at the end of a step: a film of no thickness then sticks.
 struct FilmSlip {
   // `soft`: the material at the pressure.
-  FilmSlip(const Problem& problem, const Material& soft, double pressure, const TrialSlip& trial_slip)
+  FilmSlip(const Problem& problem, const Material& soft, double pressure, const TrialSlip& trial_slip,
+           SearchEffort* counted)
       : contact(problem.interface.friction_coefficient, problem.interface.yield_strength / kSqrt3, soft, pressure),
         trial(trial_slip),
         partition(problem.heat_partition),
         mean_free(0.5 * (trial_slip.jump_old + trial_slip.direction * trial_slip.jump_free)),
         jump_free(trial_slip.direction * trial_slip.jump_free),
         stick(trial_slip.stress_stick),
-        hottest(mean_free > 0.0 ? std::min(stick, mean_free / trial_slip.per_stress) : stick) {}
+        hottest(mean_free > 0.0 ? std::min(stick, mean_free / trial_slip.per_stress) : stick),
+        effort(counted) {}
 
   double film_stress(double compliance) const {
     return compliance > 0.0 ? jump_free / (trial.per_stress + compliance) : stick;
   }
   // The stress that contact and film carry.
   double carried(const PhaseChange::Response& at) const {
+    if (effort != nullptr) ++effort->limit_values;
     return std::min({contact.stress(at.T0), film_stress(at.compliance), stick});
   }
   double slip(double a) const { return std::max(0.0, mean_free - 0.5 * trial.per_stress * a); }
@@ -87,6 +90,7 @@ struct FilmSlip {
   double jump_free;  // jump after the step without friction                         [m/s]
   double stick;      // stress at which the jump after the step is 0  [Pa]
   double hottest;    // stress of most heat, at most `stick`          [Pa]
+  SearchEffort* effort;
 
  private:
   static constexpr double kRounding = 1e-15;  // relative rounding of a stress
@@ -167,7 +171,7 @@ std::optional<LaneResult> melting_step_at_rest(const Problem& problem, const Ste
   const double dt = operators.dt();
   if (inputs.pressure[lane] <= 0.0) return LaneResult{open_step(forcing, dt, before.jump_new)};
   const TrialSlip trial_slip(forcing, dt, before.jump_new, before.stress);
-  const FilmSlip slip(problem, soft, inputs.pressure[lane], trial_slip);
+  const FilmSlip slip(problem, soft, inputs.pressure[lane], trial_slip, inputs.effort);
   Carried answer{};
   const bool solid = slip_of_solid(slip, T0, *operators.heat().layer_response(), before.sticks, answer);
   if (!solid || !answer.sticks || answer.flux != 0.0) return std::nullopt;
@@ -215,7 +219,7 @@ void advance_force_driven_melting(const Problem& problem, const StepOperators& o
     const bool open = inputs.pressure[lane] <= 0.0;
     const bool changes = most[lane] > 0.0 || hottest[lane] > soft.melting_temperature;
     const TrialSlip trial_slip(forcing, dt, before.jump_new, before.stress);
-    const FilmSlip slip(problem, soft, inputs.pressure[lane], trial_slip);
+    const FilmSlip slip(problem, soft, inputs.pressure[lane], trial_slip, inputs.effort);
     Carried answer{};
     bool molten = changes;
     if (!open && !changes) molten = !slip_of_solid(slip, T0[lane], B0, before.sticks, answer);
@@ -228,6 +232,7 @@ void advance_force_driven_melting(const Problem& problem, const StepOperators& o
         answer = slip_of_melting(slip, change, coldest[lane], before.sticks);
       change.finish(answer.flux, trial);
       add_work(inputs, lane, change.work());
+      if (inputs.effort != nullptr) inputs.effort->layer_sums += change.solves();
     } else {
       flux[lane] = answer.flux;
     }

@@ -36,6 +36,7 @@ void PhaseChange::begin(const Problem& problem, const HeatOperator& heat, const 
   layout_ = &problem.layout;
   lane_ = lane;
   work_ = 0.0;
+  solves_ = 0;
   const double* all = committed + problem.layout.first_temperature() + lane;
   const double* T = committed + problem.layout.temperature + lane;
   const double* liquid = committed + problem.layout.liquid_fraction + lane;
@@ -122,6 +123,7 @@ void PhaseChange::eliminate(const HeatOperator& heat, const double* hard) {
 void PhaseChange::solve() {
   const std::size_t end = static_cast<std::size_t>(last_) + 1;
   work_ += static_cast<double>(end);
+  ++solves_;
   const bool solid_behind = end < vertex_.size();
   double t = solid_behind ? vertex_[end].solid : 0.0, per_flux = 0.0;
   double kept = solid_behind ? vertex_[end].kept : 0.0;

@@ -47,7 +47,8 @@ class PhaseChange {
   // Writes temperatures and liquid fractions under the flux q, of which settle() or revise() has found the phases.
   void finish(double q, double* trial) const;
 
-  double work() const { return work_; }  // vertices in all linear systems solved so far
+  double work() const { return work_; }   // vertices in all linear systems solved so far
+  int solves() const { return solves_; }  // number of these systems
 
  private:
   enum class Phase : std::uint8_t { kSolid, kMelting, kLiquid };
@@ -88,6 +89,7 @@ class PhaseChange {
   double slack_ = 0.0;        // rounding of a temperature, by which a phase need not be changed  [K]
   double compliance_ = 0.0, compliance_per_flux_ = 0.0;
   double work_ = 0.0;
+  int solves_ = 0;
   int lane_ = 0;
   int last_ = 0;  // outermost vertex that may be other than solid
 };
