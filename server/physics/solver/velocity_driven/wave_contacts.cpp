@@ -227,9 +227,10 @@ class SlidingWaves {
     return true;
   }
 
-  // Under force an interface may creep many powers of ten below the slip that no stress leaves, under a stress that follows the logarithm
-  // of the slip. There the search goes on in that logarithm, and where waves leave nothing by the stress that they leave
-  // unused. First it tries the least slip above rest, if no slip is known that leaves more than itself.
+  // Under force an interface may creep many powers of ten below the slip that no stress leaves, where the stress
+  // follows the logarithm of the slip: the search goes on in that logarithm and, where waves leave nothing, by the
+  // stress that they leave unused. It first tries the least slip above rest, if none is known that leaves more than
+  // itself.
   static void creep(Lane& own) {
     if (own.low > 0.0) {
       own.creeps = true;
@@ -241,8 +242,8 @@ class SlidingWaves {
     }
   }
 
-  // The slip that is left falls less steeply from where waves leave nothing on, which is next to the answer: the secant of the
-  // two largest slips that leave something tells more of it than a search across.
+  // What is left falls by another slope from where waves leave nothing on, which is next to the answer. So the secant
+  // of the two largest slips that leave something tells more of the answer than a search across.
   static void prefer_secant(Lane& own) {
     if (!(own.low_before > 0.0 && own.more_before > own.more)) return;
     const double low = 1.0 + logarithm(own.low / own.unit), step = logarithm(own.low / own.low_before);

@@ -272,8 +272,8 @@ class WaveSearch : private one::WaveLanes {
 
   bool has_form_;  // the law is that of WaveTile
   LawReturn by_law_, by_law_near_, by_law_far_;
-  // A step of the line search was too short to be found, at rounding, or may be: work that heats in place asks for the
-  // waves at temperatures next to melting.
+  // Whether a line search has stalled at rounding, or is likely to: work that heats in place asks for the waves at
+  // temperatures next to melting.
   bool stalled_ = step_.heats_in_place;
   int evaluations_left_ = kWaveEvaluations;
   double evaluations_ = 0.0;
