@@ -130,12 +130,13 @@ def figure(rows, columns, size, legend=False, **options):
 
 def legend_below(made, handles):
     """Puts one legend below all axes of a figure made with `legend`, in as many rows as its width needs."""
-    most = min(len(handles), max(2, int(made.get_figwidth() / 1.6)))
-    rows = -(-len(handles) // most)
-    columns = -(-len(handles) // rows)  # none alone in the last row
+    for rows in range(1, len(handles) + 1):  # none alone in the last row
+        legend = made.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.17 / made.get_figheight()), ncols=-(-len(handles) // rows), borderaxespad=0.0)
+        if rows == len(handles) or legend.get_window_extent(made.canvas.get_renderer()).width < made.bbox.width:
+            break
+        legend.remove()
     strip = (0.55 + 0.22 * (rows - 1)) / made.get_figheight()
     made.get_layout_engine().set(rect=(0.006, strip, 0.988, 0.99 - strip))
-    made.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.17 / made.get_figheight()), ncols=columns, borderaxespad=0.0)
 
 
 def save(made, path, blocks, colours=None):
