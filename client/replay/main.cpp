@@ -26,7 +26,6 @@ namespace fs = std::filesystem;
 namespace replay = shearbus::replay;
 namespace files = shearbus::files;
 namespace program = shearbus::program;
-namespace wire = shearbus::wire;
 
 constexpr int kRunError =
     1;  // exit code of a failed run, or if the answers of a capsule or a log differ when they are repeated
@@ -215,6 +214,7 @@ int replay_once(const replay::Options& run) {
 int replay_sweep(const Command& command) {
   const auto changes = changes_of(command.sweep);
   std::vector<std::string> values;
+  values.reserve(changes.size());
   for (const auto& [change, word] : changes) values.push_back(change);
   if (replay::holds_event_logs(command.run.inputs.front()))
     replay::check_sweep_of_logs(command.run, values);

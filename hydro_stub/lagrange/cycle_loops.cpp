@@ -350,11 +350,11 @@ void Cycle::slide(double dt) {
     {
       contact([&] { contact_.ask(state_, guides_, dt, steps_ + 1, law_, velocity_new_); });
       // Half of its zones are left for the other threads while this one works with the answer.
-      if (omp_get_num_threads() > 1) {
-        shares_.work_own(runs.size() / (2 * omp_get_num_threads()), advance);
-      } else {
+      const auto threads = static_cast<std::size_t>(omp_get_num_threads());
+      if (threads > 1)
+        shares_.work_own(runs.size() / (2 * threads), advance);
+      else
         shares_.work(advance);
-      }
       contact([&] { contact_.answered(state_, guides_, dt, law_, velocity_new_); });
     }
     shares_.work(advance);
