@@ -263,9 +263,11 @@ class Report(unittest.TestCase):
         for height in heights.values():
             axis.plot([0, 1], [0, height])
         axis.set_xlim(0, 1)
-        style.legend_below(figure, style.regime_handles(range(4)))
-        self.assertEqual(figure.legends[0]._ncols, 2)
+        style.legend_below(figure, 2 * style.regime_handles(range(4)))
         figure.canvas.draw()
+        (legend,) = figure.legends
+        self.assertEqual(legend._ncols, 4, "eight entries are too wide for one row, and stand in two equal ones")
+        self.assertTrue(0 < legend.get_window_extent().x0 and legend.get_window_extent().x1 < figure.bbox.x1)
         style.label_ends(axis, [(1.0, height, label, style.INK) for label, height in heights.items()])
         figure.canvas.draw()
         left = min(style.plt.Text.get_window_extent(text).x0 for text in axis.texts)  # of an annotation it has the leader, too
