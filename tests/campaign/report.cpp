@@ -120,7 +120,7 @@ void print_random(const Campaign& c) {
     const Figures& f = one.figures;
     fmt::print(
         "  {:<32} {} scenes, {} node-steps, {} broken; heat balance {:.1e}, over a limit {:.1e}; divided {}, several "
-        "answers {}; sums {}, limits {}, Newton {}\n",
+        "answers {}; sums {}, limits {}, waves {}\n",
         one.name, one.scenes, f.node_steps, one.faults.size(), f.heat_residual, f.over_limit, f.divided, f.several,
         one.most.layer_sums, one.most.limit_values, one.most.wave_evaluations);
     if (one.slept.asleep > 0)
