@@ -121,6 +121,15 @@ def tell_fault(kind, fault, trace):
         sys.__excepthook__(kind, fault, trace)
 
 
+def tell_ignored(unraisable):
+    """In place of sys.unraisablehook: Python loses an interrupt that comes where it ignores every exception, for instance
+    between fork and exec. It is sent once more, from outside."""
+    if unraisable.exc_type is KeyboardInterrupt:
+        threading.Timer(0.01, os.kill, (os.getpid(), signal.SIGINT)).start()
+    else:
+        sys.__unraisablehook__(unraisable)
+
+
 def open_regular(path, most=MOST_BYTES):
     """Opens a regular file of at most so many bytes. Raises OSError or ValueError; a pipe is not waited for."""
     number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
@@ -199,7 +208,7 @@ class Parser(argparse.ArgumentParser):
     """The command line of a program whose description is printed as it stands; a fault of it is one line of text."""
 
     def __init__(self, **options):
-        sys.excepthook = tell_fault
+        sys.excepthook, sys.unraisablehook = tell_fault, tell_ignored
         atexit.register(flush)
         super().__init__(**{"formatter_class": Help, "allow_abbrev": False, **options})
 

@@ -311,6 +311,12 @@ class Report(unittest.TestCase):
                 self.assertTrue(said.endswith(": interrupted\n"), said)
         self.assertEqual(list(self.path.glob("no.html*")), [])
 
+    def test_an_interrupt_where_python_ignores_exceptions_is_not_lost(self):
+        lines = ["import os, signal, terminal, time", "class Gone:", " def __del__(self): os.kill(os.getpid(), signal.SIGINT)",
+                 "signal.signal(signal.SIGINT, signal.default_int_handler)", "terminal.Parser()", "Gone()", "time.sleep(60)"]
+        done = subprocess.run([sys.executable, "-B", "-c", "\n".join(lines)], cwd=OPTIONS.source / "client/report", stderr=subprocess.PIPE, text=True, timeout=50)
+        self.assertEqual((done.returncode, done.stderr), (-signal.SIGINT, "-c: interrupted\n"))
+
     def test_a_section_without_content_is_left_out(self):
         for name, left_out in (("cone", []), ("column", ["paper"]), ("replay", ["paper", "ledger"])):
             page = self.reports[name].read_text()
