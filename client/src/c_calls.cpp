@@ -1,6 +1,5 @@
 #include "client/src/c_calls.hpp"
 
-#include <cstring>
 #include <new>
 
 namespace shearbus {
@@ -16,10 +15,9 @@ void put(std::string_view text, char (&to)[kSize]) noexcept {
     length = kSize - 1 - kCut.size();
     while (length > 0 && (static_cast<unsigned char>(text[length]) & 0xC0U) == 0x80U) --length;
   }
-  std::memcpy(to, text.data(), length);
+  text.copy(to, length);  // also of no characters at no address
   if (length < text.size()) {
-    std::memcpy(to + length, kCut.data(), kCut.size());
-    length += kCut.size();
+    length += kCut.copy(to + length, kCut.size());
   }
   to[length] = '\0';
 }
