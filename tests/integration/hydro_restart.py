@@ -223,36 +223,41 @@ class Restart(served.Served):
                 self.assertEqual(killed.returncode, -signal.SIGKILL, printed)
                 self.assertFalse((out / "summary.json").exists())
 
+    def interrupted_while_its_server_is_away(self, away, back):
+        """Interrupts a run whose server has been sent `away`. After 3 s, in which it waits, back(server, process) is called. Returns the directory
+        of the run, its ended process, what it printed and the dumps before. A run that ends earlier is begun anew."""
+        for _ in range(10):
+            server = self.serve()
+            out, process = self.hydro("--server", self.bus)
+            self.wait_for_a_new_dump(out, process)
+            server.send_signal(away)
+            time.sleep(0.5)
+            before = set(out.glob("restart/dump-*.h5"))
+            process.send_signal(signal.SIGINT)
+            time.sleep(3.0)
+            waited = process.poll() is None
+            back(server, process)
+            printed, _ = process.communicate(timeout=60)
+            if waited and process.returncode != 0:
+                return out, process, printed, before
+            server.kill()
+            server.wait()
+            shutil.rmtree(out)
+            shutil.rmtree(self.path / "state")
+        self.fail("every run ended before its server went away")
+
     def test_an_interrupted_run_waits_for_a_slow_server_and_writes_its_dump(self):
+        served.edited(self.scene, self.scene, zone_width_m=0.5e-3)
         reference = self.undisturbed()
-        server = self.serve()
-        out, process = self.hydro("--server", self.bus)
-        self.wait_for_a_new_dump(out, process)
-        server.send_signal(signal.SIGSTOP)
-        time.sleep(0.2)
-        before = set(out.glob("restart/dump-*.h5"))
-        process.send_signal(signal.SIGINT)
-        time.sleep(3.0)
-        server.send_signal(signal.SIGCONT)
-        printed, _ = process.communicate(timeout=60)
+        out, process, printed, before = self.interrupted_while_its_server_is_away(signal.SIGSTOP, lambda server, process: server.send_signal(signal.SIGCONT))
         self.assertEqual(process.returncode, 3, printed)
         self.assertIn(f"go on with: shearbus-hydro --restart {out}", printed)
         self.assertTrue(set(out.glob("restart/dump-*.h5")) - before, printed)
         self.finished(*self.hydro("--server", self.bus), reference)
 
     def test_a_second_interrupt_ends_the_wait_for_a_server_that_is_gone(self):
-        served.edited(PROBLEMS / "cone_al_steel_coarse.toml", self.scene, zone_width_m=0.5e-3)
-        server = self.serve()
-        out, process = self.hydro("--server", self.bus)
-        self.wait_for_a_new_dump(out, process)
-        server.kill()
-        server.wait()
-        time.sleep(0.5)
-        process.send_signal(signal.SIGINT)
-        time.sleep(3.0)
-        self.assertIsNone(process.poll())
-        process.send_signal(signal.SIGTERM)
-        printed, _ = process.communicate(timeout=20)
+        served.edited(self.scene, self.scene, zone_width_m=0.5e-3)
+        _, process, printed, _ = self.interrupted_while_its_server_is_away(signal.SIGKILL, lambda server, process: process.send_signal(signal.SIGTERM))
         self.assertEqual(process.returncode, 3, printed)
         self.assertIn("shearbus-hydro: interrupted; waits for the server; another interrupt ends the run at once\n", printed)
         self.assertRegex(printed, r"shearbus-hydro: interrupted in step \d+, to [\d.e-]+ s, while the server did not answer; shearbus-hydro --restart goes on from the newest dump\n")
