@@ -7,28 +7,23 @@ import re
 import subprocess
 import sys
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import exports
+
 
 def output_of(*command):
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
-SYMBOLS = pathlib.Path(__file__).resolve().parents[2] / "deploy/packaging/runtime/symbols"
-
-
 def library_faults(library, header, allowed):
-    exported = {line.split()[-1].split("@")[0] for line in output_of("nm", "-D", "--defined-only", str(library)).splitlines()}
+    exported = exports.exported(library)
     declared = set(re.findall(r"\b(shearbus_\w+)\s*\(", re.sub(r"/\*.*?\*/|//[^\n]*", "", header, flags=re.S)))
     declared -= set(re.findall(r"typedef[^;]*\(\*\s*(shearbus_\w+)", header))
     for name in sorted(exported - declared):
         yield f"{library.name} exports {name}, which its header does not declare"
     for name in sorted(declared - exported):
         yield f"{library.name} does not export {name}, which its header declares"
-    part = re.search(rf"(?m)^{re.escape(library.name.split('.so')[0])}\.so\.\d+ .*\n((?: .*\n)*)", SYMBOLS.read_text())
-    listed = set(re.findall(r"(?m)^ (\w+)@", part[1])) if part else set()
-    for name in sorted(exported - listed):
-        yield f"{library.name} exports {name}, which is not in {SYMBOLS.name} of the package; add it with this version"
-    for name in sorted(listed - exported):
-        yield f"{library.name} has lost {name}, so it needs another name (SOVERSION)"
+    yield from exports.symbol_faults(library, exports.SYMBOLS.read_text())
     for name in re.findall(r"\(NEEDED\).*\[(.*)\]", output_of("readelf", "-d", str(library))):
         if name.split(".so")[0] not in allowed:
             yield f"{library.name} needs {name} (allowed: {', '.join(sorted(allowed))})"

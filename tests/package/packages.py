@@ -12,6 +12,9 @@ import sys
 import tempfile
 import time
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import exports
+
 SKIPPED = 77
 PACKAGES = {"shearbus-server": "amd64", "libshearbus1": "amd64", "libshearbus-dev": "amd64", "python3-shearbus": "all", "shearbus-doc": "all"}
 # Some files of each package; every package has its copyright and its changelog in addition.
@@ -159,21 +162,11 @@ def symbol_faults(deb, work):
     root, control = work / "runtime", work / "runtime-control"
     run("dpkg-deb", "-x", deb, root)
     run("dpkg-deb", "-e", deb, control)
-    listed, library = {}, None
-    for line in (control / "symbols").read_text().splitlines():
-        if line.startswith(" "):
-            listed[library].add(line.split("@")[0].strip())
-        else:
-            library = line.split()[0]
-            listed[library] = set()
-    for library, symbols in listed.items():
-        exported = {line.split()[2] for line in run("nm", "-D", "--defined-only", *root.rglob(library)).splitlines()}
-        for symbol in sorted(symbols - exported):
-            yield f"{library}: {symbol} is gone, so the library needs another name (SOVERSION)"
-        for symbol in sorted(exported - symbols):
-            yield f"{library}: {symbol} is not in deploy/packaging/runtime/symbols; add it with this version"
-    libraries = {path.name for path in root.rglob("*.so.1")}
-    yield from (f"{library}: not in deploy/packaging/runtime/symbols" for library in sorted(libraries - listed.keys()))
+    listed = (control / "symbols").read_text()
+    libraries = {path.name: path for path in root.rglob("*.so.1")}
+    for path in libraries.values():
+        yield from exports.symbol_faults(path, listed)
+    yield from (f"{library}: not in the package, which lists it" for library in sorted(exports.listed(listed).keys() - libraries.keys()))
 
 
 def page_faults(deb, work):
