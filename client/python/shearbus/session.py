@@ -101,7 +101,7 @@ def open(scene, nodes=(), endpoint=None, *, initial_temperature=None, pair=None,
     if code:
         raise _library.fault_of(status)
     session = Session(handle, host, options, wanted, record)
-    session._note("_registered", ids, initial_temperature, pair, parameters)
+    session._note(History._registered, ids, initial_temperature, pair, parameters)
     return session
 
 
@@ -254,12 +254,12 @@ class Session:
         self.resumed_parameters = {
             told.parameters[i].decode(): numpy.frombuffer(ctypes.string_at(told.values[i], 8 * told.n))
             for i in range(told.n_parameters)}
-        self._note("_registered", self.nodes, None, self.resumed_pair, self.resumed_parameters)
+        self._note(History._registered, self.nodes, None, self.resumed_pair, self.resumed_parameters)
 
     def _note(self, what, *arguments):
-        """Tells the history, if there is one, what has happened."""
+        """Calls a method of History on the history, if there is one."""
         if self.history is not None:
-            getattr(self.history, what)(*arguments)
+            what(self.history, *arguments)
 
     # -- calls of the library --
 
@@ -491,13 +491,13 @@ class Session:
     def commit(self):
         """Keeps the result of the trial. Returns the state version."""
         self._call("commit")
-        self._note("_commit")
+        self._note(History._commit)
         return self._version()
 
     def rollback(self):
         """Drops the trial; without one it does nothing. Returns the state version."""
         self._call("rollback")
-        self._note("_drop")
+        self._note(History._drop)
         return self._version()
 
     # -- marks --
@@ -507,14 +507,14 @@ class Session:
         names of the kept marks, oldest first: the server keeps the newest welcome.limits.max_marks."""
         self._call("mark", _values.text("name", name))
         names = list(self._lines(MARK_NAMES))
-        self._note("_mark", name, names)
+        self._note(History._mark, name, names)
         return names
 
     def rollback_to(self, name):
         """Restores the nodes and states of a mark, and drops a trial. Returns the state version."""
         self._call("rollback_to", _values.text("name", name))
         self._take_nodes()
-        self._note("_rollback_to", name)
+        self._note(History._rollback_to, name)
         return self._version()
 
     # -- profiles --
@@ -556,7 +556,7 @@ class Session:
         new = node_ids(nodes)
         self._call("register_nodes", ctypes.byref(given_nodes(new, initial_temperature, pair, parameters)))
         self._take_nodes()
-        self._note("_registered", new, initial_temperature, pair, parameters)
+        self._note(History._registered, new, initial_temperature, pair, parameters)
 
     def retire(self, nodes):
         """Removes nodes and frees their states."""
