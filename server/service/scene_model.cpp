@@ -205,10 +205,13 @@ void set_layer(const v1::Layer& layer, physics::ModelOptions& options) {
 
 // Refuses options that exclude each other according to the table of parts in server/physics/solver/parts_table.hpp.
 void refuse_what_excludes_each_other(const physics::ModelOptions& options) {
+  std::vector<physics::Refusal> refusals = physics::refusals(options);
   Refused refused;
-  for (physics::Refusal& refusal : physics::refusals(options)) {
-    if (refused.remedy.find(refusal.remedy) == std::string::npos)
-      refused.remedy += (refused.remedy.empty() ? "" : " ") + refusal.remedy;
+  for (physics::Refusal& refusal : refusals) {
+    if (refusals.size() == 1)
+      refused.remedy = std::move(refusal.remedy);
+    else
+      refusal.text += fmt::format(" ({})", refusal.remedy);
     refused.faults.push_back({std::move(refusal.key), std::move(refusal.text), {}});
   }
   if (!refused.faults.empty()) throw Refused(std::move(refused));

@@ -355,6 +355,8 @@ TEST(PhysicsContactLaws, ConstantsWithoutAMeaningAreRefused) {
     options = force_driven(law);
     options.sleep = true;
     EXPECT_EQ(key(options), "interface.friction_law");
+    EXPECT_EQ(refusals(options).front().remedy,
+              "Take another interface.friction_law, or leave out layer.sleep = true.");
   }
   ModelOptions options = force_driven(FrictionLaws::place<RateAndState>());
   options.interface.direct_effect = 0.0;

@@ -495,6 +495,7 @@ TEST(SceneRules, WhatThePhysicsExcludesIsReportedWithItsPlace) {
   const std::string several =
       refusal_of(force + "plastic_layer = true\n[layer]\nsleep = true\nheat = 'modes'\ninertia = true\n");
   EXPECT_THAT(several, HasSubstr("scene.toml:10:1: layer.sleep = true does not go with layer.inertia"));
+  EXPECT_THAT(several, HasSubstr(" (Leave out layer.sleep = true, or leave out layer.inertia = true.)\n"));
   EXPECT_THAT(several, HasSubstr("\nscene.toml:11:1: layer.heat = \"modes\" does not go with interface.plastic_layer"));
   EXPECT_LT(several.find(":10:1:"), several.find(":11:1:"));
 }

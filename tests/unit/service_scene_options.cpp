@@ -257,6 +257,9 @@ TEST(SceneOptions, WhatTheOtherStrategyReadsIsRefused) {
         "is an option of strategy = \"velocity_driven\""},
        {"velocity_driven { drive: DRIVE_LAYER_SHEAR }", "", ""}});  // as earlier effective scenes have it
   EXPECT_THAT(scene_model(support::force_scene()).effective, Not(HasSubstr("[velocity_driven]")));
+  const char* const film = "hard_layer {} melt_film { latent_heat_j_per_kg: 4e5 viscosity_pa_s: 1e-3 }";
+  EXPECT_EQ(refusal_of(with(support::velocity_scene(), film)).remedy,
+            "Leave out [melt_film], or take the other strategy.");
 }
 
 TEST(SceneOptions, SleepIsRefusedWhereNothingCouldRest) {

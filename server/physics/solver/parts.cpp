@@ -155,6 +155,14 @@ bool go_together(const Part& a, const Part& b, std::span<const Exclusion> exclus
 std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part> parts,
                               std::span<const Exclusion> exclusions) {
   std::vector<Refusal> found;
+  // What a scene does without a part: it has one strategy, and a law of each kind.
+  const auto without = [&](const Part& part) {
+    if (!part.law_with.empty()) return text_of("take another ", part.key);
+    if (part.property == kVelocityDriven || part.property == kForceDriven ||
+        (part.property == kFlowingLayer && !options.plastic_layer))
+      return std::string("take the other strategy");
+    return "leave out " + setting_of(part, options);
+  };
   const auto refuse = [&](const Part& named, const Part& other, std::string_view reason) {
     if (other.property == kFixedHeatShare) {
       const std::string setting = setting_of(named, options), table = text_of("[", key_of(other, options), "]");
@@ -162,10 +170,12 @@ std::vector<Refusal> refusals(const ModelOptions& options, std::span<const Part>
                        text_of("Give ", table, ", or leave out ", setting, ".")});
       return;
     }
+    std::string remedy = text_of(without(named), ", or ", without(other), ".");
+    remedy.front() = remedy.front() == 'l' ? 'L' : 'T';
     found.push_back(
         {std::string(key_of(named, options)),
          setting_of(named, options) + " does not go with " + setting_of(other, options) + ": " + std::string(reason),
-         "Leave out one of the two."});
+         std::move(remedy)});
   };
   std::vector<const Part*> on;
   for (const Part& part : parts)
