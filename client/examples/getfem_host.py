@@ -1,9 +1,7 @@
 #!/usr/bin/python3
-"""Two blocks slide on each other, on meshes that do not match: GetFEM assembles, this file integrates, shearbus answers the friction.
-
-getfem_host.py two_half_spaces | finite_plate | brake | hot_spot   far_field | stick"""
+"""Two blocks slide on each other, on meshes that do not match: GetFEM assembles, this file integrates, shearbus answers the friction."""
+import argparse
 import pathlib
-import sys
 import getfem
 import numpy as np
 import shearbus
@@ -110,6 +108,9 @@ def problem(name, form):
 
 
 if __name__ == "__main__":
-    for time, area, jump, answer in problem(*sys.argv[1:3])[2]:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("name", help="two_half_spaces, finite_plate, brake or hot_spot; any other is the first")
+    parser.add_argument("form", choices=("far_field", "stick"))
+    for time, area, jump, answer in problem(**vars(parser.parse_args()))[2]:
         mean_jump, mean_stress = (values @ area / area.sum() for values in (jump, answer.stress))
     print(f"{time * 1e9:.1f} ns: [V] {mean_jump:.2f} m/s, s {mean_stress / 1e6:.2f} MPa, T0 up to {answer.temperature.max():.1f} K")
