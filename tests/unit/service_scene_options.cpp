@@ -222,6 +222,7 @@ TEST(SceneOptions, AToleranceChoosesGridAndMethodsAndIsRefusedBesideThem) {
                    {"layer { inertia: true }", "tolerance", "waves that cross the layer are not seen"},
                    {"layer { cells: 60 }", "layer.cells", ""},
                    {"layer { " + kSecondOrder + "}", "layer.time_integrator", "is the server's choice"},
+                   {"layer { sleep: true }", "", ""},
                    {"tolerance: 0.5", "tolerance", ""}});
 
   scene = support::force_scene();
