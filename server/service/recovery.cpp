@@ -81,10 +81,31 @@ void Service::journal(const Arrival& arrival, const wire::SessionId& session, co
     });
   } catch (const store::StorageError& fault) {
     if (store_->failed()) throw;
+    tell_of_journal(fault);
     refuse(Code::kNoSpace, "", fmt::format("the request could not be kept: {}", fault.what()),
            "Nothing was changed. Make room in the server's state directory; the same request again goes on.");
   }
+  journal_takes_again();
   journaled_now_ = store_->journaling();
+}
+
+// Tells the log once why the journal takes nothing, until it does again.
+void Service::tell_of_journal(const std::exception& fault) noexcept try {
+  if (journal_fault_ == fault.what()) return;
+  const auto* const storage = dynamic_cast<const store::StorageError*>(&fault);
+  log(std::string(storage != nullptr && storage->no_space()
+                      ? "ALARM: no room in the state directory; requests are refused until there is: "
+                      : "ALARM: the journal could not take the sum of a session's last reply: ") +
+      fault.what());
+  journal_fault_ = fault.what();
+} catch (const std::exception&) {  // without memory the next refusal tells it
+}
+
+void Service::journal_takes_again() noexcept try {
+  if (journal_fault_.empty()) return;
+  journal_fault_.clear();
+  log("the journal takes requests again");
+} catch (const std::exception&) {
 }
 
 void Service::recover() {
@@ -117,16 +138,11 @@ void Service::prove_last_replies() noexcept try {
     member->proven_sequence = last;
     proven = true;
   }
-  if (proven) settle();
-  unproven_.clear();
+  if (!proven) return;
+  settle();
+  journal_takes_again();
 } catch (const std::exception& fault) {  // a final failure of the journal ends the server; a full disk is tried again
-  if (unproven_ == fault.what()) return;
-  const auto* const storage = dynamic_cast<const store::StorageError*>(&fault);
-  log(std::string(storage != nullptr && storage->no_space()
-                      ? "ALARM: no room in the state directory; requests are refused until there is: "
-                      : "ALARM: the journal could not take the sum of a session's last reply: ") +
-      fault.what());
-  unproven_ = fault.what();
+  tell_of_journal(fault);
 }
 
 std::optional<ReplyFrames> Service::refuse_while_recovering(Frames frames) const noexcept try {

@@ -274,6 +274,8 @@ class Service : private store::Recovery {
 
   void journal(const Arrival& arrival, const wire::SessionId& session, const Member* member,
                std::optional<std::uint64_t> sequence = {});
+  void tell_of_journal(const std::exception& fault) noexcept;
+  void journal_takes_again() noexcept;
   void grant(Member& member, const wire::ResumeSession& resume, const Arrival& arrival);
   void settle();
   store::Snapshot snapshot();
@@ -309,7 +311,7 @@ class Service : private store::Recovery {
   wire::Batch used_batch_;
   ReplyPtr used_reply_;
   bool failed_ = false;
-  std::string unproven_;  // why the last replies could not be proven at the last look
+  std::string journal_fault_;  // why the journal takes nothing, as the log has told it
   std::uint64_t started_ns_ = 0;
   bool shutting_down_ = false;
   bool draining_ = false;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "proto/wire/codec.hpp"
 #include "server/service/service.hpp"
@@ -26,7 +27,8 @@ struct DurableServer {
                  .max_sessions_per_user = std::size_t{1} << 16,
                  .nodes_per_task = 4,
                  .slice_work = slice_work,
-                 .now_ns = [this] { return ++clock; }},
+                 .now_ns = [this] { return ++clock; },
+                 .log = [this](const std::string& line) { log.push_back(line); }},
                 pool, &store) {
     service.recover();
   }
@@ -47,6 +49,7 @@ struct DurableServer {
   }
 
   std::uint64_t clock = 0;
+  std::vector<std::string> log;
   store::Store store;
   shard::TaskPool pool;
   service::Service service;
