@@ -81,8 +81,10 @@ SessionPairs::SessionPairs(const SceneModel& scene, std::vector<std::string> par
              fmt::format("{} is given twice as a parameter", parameters_[i]), "Name each key once.");
   }
   for (const PairModel& pair : scene.pairs)
-    for (const std::string& warning : pair.warnings)
-      warnings_.push_back(fmt::format("[pair.{}]: {}", pair.name, warning));
+    for (std::string_view warning : pair.warnings) {
+      const std::string_view note = warning.starts_with(wire::kNote) ? wire::kNote : std::string_view();
+      warnings_.push_back(fmt::format("{}[pair.{}]: {}", note, pair.name, warning.substr(note.size())));
+    }
   auto made = std::make_shared<Scenes>();
   made->names.emplace_back();
   const v1::Scene outside = scene::without_pairs(*scene.scene);
