@@ -384,12 +384,17 @@ def judged(parameters, x, jacobian, freedom):
                     "parts": {p.key: float(part) for p, part in zip(parameters, row)}} for s, row in zip(deviation, directions)]
 
 
+def width_of(keys):
+    return 2 + max(34, *map(len, keys))
+
+
 def table(found, directions):
-    lines = [f"{'parameter':<36}{'value':>13}{'95 % from':>13}{'to':>13}  correlation"]
+    wide = width_of(row["key"] for row in found)
+    lines = [f"{'parameter':<{wide}}{'value':>13}{'95 % from':>13}{'to':>13}  correlation"]
     for row in found:
         remark = " at the end of its range" if row["at_end_of_range"] else "" if row["determined"] else " NOT DETERMINED"
         with_other = f"{row['correlation']:+.2f} with {row['most_correlated']}" if row["most_correlated"] else ""
-        lines.append(f"{row['key']:<36}{row['value']:>13.6g}{row['low']:>13.6g}{row['high']:>13.6g}  {with_other}{remark}")
+        lines.append(f"{row['key']:<{wide}}{row['value']:>13.6g}{row['low']:>13.6g}{row['high']:>13.6g}  {with_other}{remark}")
     for direction in directions:
         if not direction["determined"]:
             parts = " ".join(f"{part:+.2f} {key}" for key, part in direction["parts"].items() if abs(part) > 0.1)
@@ -428,7 +433,8 @@ def draw(path, curves, run):
 def write_sensitivities(path, model):
     """Derivatives of every answer at the middle of the ranges, by central differences, and how far those of half the step are from them."""
     x = np.full(len(model.parameters), 0.5)
-    print(f"{'parameter':<36}{'quantity':<24}{'largest derivative':>20}{'of its range':>16}{'two steps differ by':>22}")
+    wide = width_of(parameter.key for parameter in model.parameters)
+    print(f"{'parameter':<{wide}}{'quantity':<24}{'largest derivative':>20}{'of its range':>16}{'two steps differ by':>22}")
     with h5py.File(path, "w") as file:
         base = model.runs([x, *(end for step in (2 * STEP, STEP) for pair in model.ends(x, step) for end in pair)])[0]
         file["time"], file["node_id"] = base.time, base.node_id
@@ -439,7 +445,7 @@ def write_sensitivities(path, model):
                 data = file.create_dataset(f"{parameter.key}/{quantity}", data=half / width)
                 data.attrs["long_name"] = f"derivative of {quantity} to {parameter.key} at {parameter.value(0.5):g}"
                 file[f"{parameter.key}/{quantity}_difference"] = np.abs(half - d) / width
-                print(f"{parameter.key:<36}{quantity:<24}{most / width:>20.6g}{most:>16.6g}{np.median(np.abs(half - d)) / max(most, 1e-300):>21.1e}")
+                print(f"{parameter.key:<{wide}}{quantity:<24}{most / width:>20.6g}{most:>16.6g}{np.median(np.abs(half - d)) / max(most, 1e-300):>21.1e}")
 
 
 def main():

@@ -13,6 +13,7 @@ namespace shearbus::study {
 namespace {
 
 constexpr double kMostIncrement = 1e-3;  // of plastic strain; halving it changes a stress by less than 1e-6 of itself
+constexpr double kMostStrain = 100.0;    // far beyond what a press or a bar does to a metal
 
 }  // namespace
 
@@ -52,7 +53,8 @@ CLI::App* add_curve(CLI::App& program, CurveOptions& options) {
       ->capture_default_str();
   command->add_option("--plastic-strain", options.strains, "at which the stress is wanted, rising, with commas between")
       ->required()
-      ->delimiter(',');
+      ->delimiter(',')
+      ->check(CLI::Range(0.0, kMostStrain));
   return command;
 }
 

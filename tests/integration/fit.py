@@ -211,6 +211,7 @@ class Fit(served.Served):
         for words, reason in (((MU.replace("0.1:0.6", "0.6:0.1"),), "expected LOW below HIGH, found interface"), (("mu",), "expected KEY=LOW:HIGH"),
                               ((MU, "--stress-strain", curve, "--curve", curve), "goes without --curve")):
             self.refused(OPTIONS.study, "fit", self.scene, "--parameter", *words, said=reason, code=2)
+        self.refused(OPTIONS.study, "curve", self.scene, "--rate", "1e5", "--temperature", "300", "--plastic-strain", "0.1,1e7", said="expected 0 to 100", code=2)
 
 
 if __name__ == "__main__":
