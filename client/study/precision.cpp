@@ -9,6 +9,7 @@
 #include <limits>
 #include <numeric>
 #include <span>
+#include <stdexcept>
 
 #include "client/src/client.hpp"
 #include "server/embedded.hpp"
@@ -27,7 +28,6 @@ v1::Scene scene_with(const StudyCase& study_case, const Setting& setting) {
     layer.clear_time_integrator();
     layer.clear_heat();
     layer.clear_modes();
-    layer.clear_sleep();
     scene.set_tolerance(setting.tolerance);
     return scene;
   }
@@ -225,8 +225,26 @@ Reference reference_of(const StudyCase& study_case, bool quick) {
   return study_case.exact != nullptr ? study_case.exact(study_case) : by_extrapolation(study_case, quick);
 }
 
+namespace {
+
+// Errors are told of T0: where it stays as it is, every setting has none.
+void refuse_at_rest(const StudyCase& study_case, const Reference& reference) {
+  constexpr double kLeastRise = 1e-6;  // relative to what is to melting
+  const double range = melting_range(study_case);
+  const double start = service::scene_model(study_case.scene).options.initial_temperature;
+  for (int i = 1; i <= kSamples; ++i)
+    if (std::abs(reference.temperature(study_case.end * i / kSamples) - start) > kLeastRise * range) return;
+  throw std::runtime_error(
+      fmt::format("the interface stays at {} K within {} s: precision is told of its temperature, so it must slip. "
+                  "--velocity-jump, --pressure and --end change the case",
+                  start, study_case.end));
+}
+
+}  // namespace
+
 Result sweep(const StudyCase& study_case, const SweepOptions& options) {
   Result result{.study_case = &study_case, .reference = reference_of(study_case, options.quick), .outcomes = {}};
+  refuse_at_rest(study_case, result.reference);
 
   std::vector<Setting> methods;
   const std::span<const GridChoice> grids =
