@@ -154,7 +154,8 @@ struct Replayed {
   std::uint64_t sequence = 0;  // of the next request
   NodeOrder order;
   std::uint64_t steps = 0;
-  std::string scene;  // text with which the session was opened again
+  std::string scene;                    // text with which the session was opened again
+  std::vector<std::string> parameters;  // keys of which its nodes may have values of their own
   InputCheck inputs;
 };
 
@@ -300,12 +301,24 @@ class LogReplay {
     if (!options_.scene.empty()) text = scene::load_text(options_.scene);
     changed_scene_ = scene::ChangedScene(text, options_.scene.empty() ? file : options_.scene.string(), options_.set,
                                          options_.swept);
+    for (const std::string& kept : changed_scene_.kept_by_pairs()) complain("note: " + kept);
     return changed_scene_.text();
+  }
+
+  // Of nodes with values of their own in a request that registers them.
+  void refuse_own(Replayed& session) const {
+    const wire::Request& request = session.log.request();
+    if (const auto* open = std::get_if<wire::OpenSession>(&request.body)) session.parameters = open->parameters;
+    std::vector<std::string> own;
+    for (std::uint32_t key = 0; key < session.parameters.size(); ++key)
+      if (!request.batch.f64(Field::kParameter, key).empty()) own.push_back(session.parameters[key]);
+    refuse_changes_of_own(options_.set, own);
   }
 
   void replay(Replayed& session) {
     const Log& log = session.log;
     wire::Request request;
+    refuse_own(session);
     request.body = log.request().body;
     request.batch = wire::Batch::over(log.request().batch.columns(), log.request().batch.bytes());
     request.sequence = session.sequence;

@@ -30,6 +30,16 @@ void NodeProperties::write(files::HistoryWriter& writer) const {
                       values);
 }
 
+void refuse_changes_of_own(std::span<const std::string> changes, std::span<const std::string> own_keys) {
+  for (const std::string& change : changes)
+    for (const std::string& key : own_keys)
+      if (change.starts_with(key + "="))
+        throw Error(
+            {.code = Code::kUnsupported,
+             .text = fmt::format("{} would change nothing: the nodes have values of their own of that key", change),
+             .remedy = "Leave the change out; of a history, or its dataset /parameter/" + key + "."});
+}
+
 RegisteredProperties::Nodes& RegisteredProperties::changed() {
   if (nodes_.use_count() > 1) nodes_ = std::make_shared<Nodes>(*nodes_);
   return *nodes_;

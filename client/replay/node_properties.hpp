@@ -28,6 +28,10 @@ struct NodeProperties {
   void write(files::HistoryWriter& writer) const;
 };
 
+// Refuses changes "KEY=VALUE" of a scene (--set, --sweep) of keys that nodes have values of their own of: these would hold
+// on, and the change would be told of a result that it has no part in.
+void refuse_changes_of_own(std::span<const std::string> changes, std::span<const std::string> own_keys);
+
 // Follows the registrations of an event log.
 class RegisteredProperties {
  public:

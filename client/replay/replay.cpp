@@ -188,6 +188,9 @@ void check_out(const Options& options) {
 // Opens a session; faults of the scene name their --set, or their line in the file.
 Bus open(const Options& options, const scene::ChangedScene& scene, const Table& history,
          const NodeProperties& properties) try {
+  std::vector<std::string> own;
+  for (const auto& [key, values] : properties.parameters) own.push_back(key);
+  refuse_changes_of_own(scene.changes(), own);
   return {options.server, scene.text(), options.scene.string(), history.node_ids(), properties};
 } catch (const Error& fault) {
   throw Error(scene.placed(fault.status()));
@@ -259,6 +262,7 @@ void run(const Options& options) {
   bus.want_energy_ledger();
   for (const std::string& warning : bus.opened().warnings)
     program::complain(fmt::format("shearbus-replay: {}", wire::labelled(warning)));
+  for (const std::string& kept : changed.kept_by_pairs()) program::complain("shearbus-replay: note: " + kept);
   const std::string extent =
       fmt::format("{} of {}, {:.6g} to {:.6g} s", wire::counted(history.steps(), "step"),
                   wire::counted(history.nodes(), "node"), history.start_time_s(), history.times_s().back());

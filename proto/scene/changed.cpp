@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <charconv>
 #include <functional>
+#include <set>
 #include <system_error>
 #include <utility>
 
@@ -43,6 +44,22 @@ ChangedScene::ChangedScene(const std::string& text, std::string file, std::span<
   for (const std::string& change : changes_) text_ = with_value(text_, option_of(change), change);
   visit_keys_of(text, [&](const std::string& path, const Place& place) { places_.emplace(path, place); });
   visit_keys_of(text_, [&](const std::string& path, const Place& place) { paths_.emplace(place.line, path); });
+}
+
+std::vector<std::string> ChangedScene::kept_by_pairs() const {
+  std::vector<std::string> sentences;
+  for (const std::string& change : changes_) {
+    const std::string table = change.substr(0, change.find_first_of(".="));
+    std::set<std::string> pairs;
+    for (const auto& [path, place] : places_)
+      if (const std::size_t at = path.find('.' + table + '.'); path.starts_with("pair.") && at != std::string::npos)
+        pairs.insert(path.substr(0, at));
+    for (const std::string& pair : pairs)
+      sentences.push_back(fmt::format(
+          "{} {} does not reach the nodes of [{}], which has a table [{}] of its own; {}.{} does", option_of(change),
+          wire::printable(change, wire::kMaxTextBytes), pair, table, pair, change.substr(0, change.find('='))));
+  }
+  return sentences;
 }
 
 const char* ChangedScene::option_of(const std::string& change) const {

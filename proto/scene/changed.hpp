@@ -20,6 +20,10 @@ class ChangedScene {
   ChangedScene(const std::string& text, std::string file, std::span<const std::string> changes, bool swept = false);
 
   const std::string& text() const { return text_; }
+  const std::vector<std::string>& changes() const { return changes_; }
+
+  // A sentence for each change of a table that pairs have another of: it does not reach their nodes.
+  std::vector<std::string> kept_by_pairs() const;
 
   // Returns the status with each place "FILE:line:column" of the changed text replaced: by "--set KEY=VALUE" (--sweep)
   // where that set the key, else by the key's place in the text before the changes.

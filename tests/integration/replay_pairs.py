@@ -125,6 +125,17 @@ class Pairs(support.ReplayTest):
             self.assertEqual([name.decode() for name in file["pair"][:]], ["", "brass", "brass"])
         self.assertTrue((np.abs(weak[-1]) < np.abs(stress[-1])).all())
 
+    def test_changes_that_reach_no_node_are_refused_and_those_that_miss_some_are_told(self):
+        self.run_host(self.path / "run.log")
+        own = f"{MU}=0.5 would change nothing: the nodes have values of their own of that key"
+        self.assertIn(own, self.tool("replay", self.path / "run.log", "--set", f"{MU}=0.5", "--out", self.out, code=1))
+        self.history_of(pair=["", "brass", "brass", ""], **{f"parameter/{MU}": np.full(4, 0.3)})
+        for change in (("--set", f"{MU}=0.5"), ("--sweep", f"{MU}=0.5,0.6")):
+            self.assertIn(own, self.replay(*change, scene=self.scene).stderr)
+        missed = "note: --set soft.yield_strength_pa=1e8 does not reach the nodes of [pair.brass], which has a table [soft] of its own"
+        self.assertIn(missed, self.replay("--set", "soft.yield_strength_pa=1e8", scene=self.scene).stderr)
+        self.assertNotIn("does not reach", self.replay("--set", "interface.yield_strength_pa=1e8", scene=self.scene).stderr)
+
     def test_nodes_whose_pair_a_log_does_not_tell_are_refused(self):
         far = dict(pressure=0.1e9, stress_soft=0.0, stress_hard=0.0, mass_soft=2.7, mass_hard=7.9, jump=40.0)
         server = served.Server(self, self.path, durable=False)
