@@ -151,30 +151,4 @@ ResumedNodes resumed_nodes(const Batch& rows, const wire::SessionOpened& session
   return nodes;
 }
 
-Batch joined_nodes(std::span<const Received> parts, std::span<const std::uint64_t> node_ids) {
-  const auto has_pairs = [](const Received& part) {
-    return part.reply.batch.u64(Field::kNodeId).empty() || part.reply.batch.has(Field::kPair);
-  };
-  const auto& session = std::get<wire::SessionResumed>(parts.front().reply.body).session;
-  const auto keys = static_cast<std::uint32_t>(session.parameters.size());
-  if ((session.pairs.empty() && keys == 0) || !std::ranges::all_of(parts, has_pairs)) return named_nodes(node_ids);
-  std::vector<Field> fields = {Field::kNodeId, Field::kPair};
-  if (keys > 0) fields.push_back(Field::kParameter);
-  Batch joined = Batch::of(fields, node_ids.size(), std::max<std::uint32_t>(1, keys));
-  std::ranges::copy(node_ids, joined.u64(Field::kNodeId).begin());
-  std::unordered_map<std::uint64_t, std::size_t> row_of;
-  for (std::size_t row = 0; row < node_ids.size(); ++row) row_of[node_ids[row]] = row;
-  for (const Received& part : parts) {
-    const Batch& some = part.reply.batch;
-    const auto ids = some.u64(Field::kNodeId);
-    for (std::size_t i = 0; i < ids.size(); ++i) {
-      const std::size_t row = row_of.at(ids[i]);
-      joined.u64(Field::kPair)[row] = some.u64(Field::kPair)[i];
-      for (std::uint32_t key = 0; key < keys; ++key)
-        joined.f64(Field::kParameter, key)[row] = some.f64(Field::kParameter, key)[i];
-    }
-  }
-  return joined;
-}
-
 }  // namespace shearbus

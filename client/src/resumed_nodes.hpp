@@ -21,7 +21,4 @@ std::string nodes_left_out(const Received& where, const ExpectedNodes& expected)
 // Copies what the columns of such a reply tell of the nodes.
 ResumedNodes resumed_nodes(const Batch& rows, const wire::SessionOpened& session);
 
-// Joins the columns of nodes of several such replies, one per server, in the order of `node_ids`.
-Batch joined_nodes(std::span<const Received> parts, std::span<const std::uint64_t> node_ids);
-
 }  // namespace shearbus

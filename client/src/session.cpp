@@ -116,24 +116,9 @@ Received SessionState::exchange(wire::Request& request) {
   }
 }
 
-void SessionState::adopt(const wire::Request& request, Received& received) {
-  if (const auto* step = std::get_if<wire::Downscale>(&request.body)) {
-    const std::uint64_t nodes = body_of<wire::Upscale>(received).nodes;
-    if (step->parts != 0 && nodes != request.batch.columns().front().count)
-      throw Error({.code = Code::kUnexpectedReply, .text = "the reply to a part of a step has other rows"});
-    return;
-  }
-  if (asks<wire::Commit>(request)) body_of<wire::Committed>(received);
-  if (asks<wire::Mark>(request)) body_of<wire::Marked>(received);
-  if (asks<wire::CloseSession>(request)) body_of<wire::SessionClosed>(received);
-  const auto* rollback = std::get_if<wire::Rollback>(&request.body);
-  if (rollback != nullptr) body_of<wire::RolledBack>(received);
-  const bool changes_nodes = asks<wire::RegisterNodes, wire::RetireNodes, wire::OfferNodes, wire::AcceptNodes>(request);
-  if (changes_nodes) body_of<wire::NodesChanged>(received);
-  if (!changes_nodes && (rollback == nullptr || rollback->to_mark.empty())) return;
-  const auto named = request.batch.u64(Field::kNodeId);
-  const auto answered = std::as_const(received.reply.batch).u64(Field::kNodeId);
-  if (rollback != nullptr) {
+void change_nodes(std::vector<std::uint64_t>& node_ids, const wire::Request& request, const Batch& answer) {
+  const auto named = request.batch.u64(Field::kNodeId), answered = answer.u64(Field::kNodeId);
+  if (asks<wire::Rollback>(request)) {
     node_ids.assign(answered.begin(), answered.end());
   } else if (asks<wire::RetireNodes, wire::OfferNodes>(request)) {
     std::vector<std::uint64_t> gone(named.begin(), named.end());
@@ -143,6 +128,28 @@ void SessionState::adopt(const wire::Request& request, Received& received) {
     const auto come = asks<wire::RegisterNodes>(request) ? named : answered;
     node_ids.insert(node_ids.end(), come.begin(), come.end());
   }
+}
+
+void SessionState::adopt(const wire::Request& request, Received& received) {
+  if (const auto* step = std::get_if<wire::Downscale>(&request.body)) {
+    const std::uint64_t nodes = body_of<wire::Upscale>(received).nodes;
+    if (step->parts != 0 && nodes != request.batch.columns().front().count)
+      throw Error({.code = Code::kUnexpectedReply, .text = "the reply to a part of a step has other rows"});
+    return;
+  }
+  if (asks<wire::OpenSession>(request)) {
+    body_of<wire::SessionOpened>(received);
+    epoch = received.reply.epoch;
+  }
+  if (asks<wire::Commit>(request)) body_of<wire::Committed>(received);
+  if (asks<wire::Mark>(request)) body_of<wire::Marked>(received);
+  if (asks<wire::CloseSession>(request)) body_of<wire::SessionClosed>(received);
+  const auto* rollback = std::get_if<wire::Rollback>(&request.body);
+  if (rollback != nullptr) body_of<wire::RolledBack>(received);
+  const bool changes_nodes = asks<wire::RegisterNodes, wire::RetireNodes, wire::OfferNodes, wire::AcceptNodes>(request);
+  if (changes_nodes) body_of<wire::NodesChanged>(received);
+  if (!changes_nodes && (rollback == nullptr || rollback->to_mark.empty())) return;
+  change_nodes(node_ids, request, received.reply.batch);
   if (closure) closure->forget();
 }
 
@@ -167,7 +174,7 @@ void SessionState::resynchronise() {
 // client then claims the session, checks its last sequence number and sends the request again with the new epoch. The
 // deadline begins anew: the restarted server is at work. A request that is SUPERSEDED after a claim of unknown outcome
 // may have met a late copy of this client's own claim. A part that was sent ahead may have overtaken the part before it,
-// which has been answered by now.
+// which has been answered by now. An opening does not wait for the restart: it has no states yet.
 Received SessionState::call(wire::Request& request) {
   auto started = connection->now();
   const auto* step = std::get_if<wire::Downscale>(&request.body);
@@ -181,8 +188,8 @@ Received SessionState::call(wire::Request& request) {
       if (code == Code::kSequenceGap && std::exchange(may_have_overtaken, false)) continue;
       const bool restarted = (code == Code::kEpoch || (code == Code::kSuperseded && claim_in_doubt.number != 0)) &&
                              request.epoch != 0 && restarts < kMostRestarts;
-      const bool stopping =
-          fault.status().code == Code::kShuttingDown && connection->durable() && left > kStoppingPause;
+      const bool stopping = code == Code::kShuttingDown && connection->durable() && left > kStoppingPause &&
+                            !asks<wire::OpenSession>(request);
       if (!restarted && !stopping) throw;
       if (restarted) {
         follow_restart(request, fault);

@@ -68,6 +68,9 @@ wire::Batch named_nodes(std::span<const std::uint64_t> node_ids);
 wire::Batch new_nodes(std::span<const std::uint64_t> node_ids, const NodeOptions& options,
                       std::span<const std::string> keys);
 
+// Changes the nodes of a session, in the order of the rows, as the answered request has changed them on the server.
+void change_nodes(std::vector<std::uint64_t>& node_ids, const wire::Request& request, const Batch& answer);
+
 // What a client has of a session, and how its requests are sent.
 struct SessionState {
   std::shared_ptr<Connection> connection;
@@ -237,5 +240,6 @@ void each_column(const Batch& from, Batch& to, const Copy& copy) {
 
 // Adds counts, largest closure and warnings of one answer to `sum`; not state version or times.
 void add_rows(wire::Upscale& sum, const wire::Upscale& some);
+void add_warnings(std::vector<std::string>& all, std::span<const std::string> some);  // those that are not there yet
 
 }  // namespace shearbus

@@ -10,6 +10,11 @@
 
 namespace shearbus {
 
+void add_warnings(std::vector<std::string>& all, std::span<const std::string> some) {
+  for (const std::string& warning : some)
+    if (std::ranges::find(all, warning) == all.end()) all.push_back(warning);
+}
+
 void add_rows(wire::Upscale& sum, const wire::Upscale& some) {
   if (some.nodes != 0 && (sum.nodes == 0 || some.largest_closure_m_per_s > sum.largest_closure_m_per_s)) {
     sum.largest_closure_m_per_s = some.largest_closure_m_per_s;
@@ -18,8 +23,7 @@ void add_rows(wire::Upscale& sum, const wire::Upscale& some) {
   }
   sum.nodes += some.nodes;
   sum.flagged_nodes += some.flagged_nodes;
-  for (const std::string& warning : some.warnings)
-    if (std::ranges::find(sum.warnings, warning) == sum.warnings.end()) sum.warnings.push_back(warning);
+  add_warnings(sum.warnings, some.warnings);
 }
 
 // Columns of unequal length are sent undivided: the server refuses them with a reason.

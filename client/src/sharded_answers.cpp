@@ -3,6 +3,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <functional>
 #include <utility>
 #include <variant>
 
@@ -26,44 +27,40 @@ std::vector<std::uint64_t> merge_of(std::vector<std::span<const std::uint64_t>> 
 
 }  // namespace
 
-std::uint64_t ShardedSession::same_version(std::span<const std::uint64_t> versions) {
-  if (!all_equal(versions)) {
-    torn_ = fmt::format("the shards are not at the same step: their state versions are {}", fmt::join(versions, ", "));
-    operation_.reset();
-    refuse_call(Code::kEpoch, torn_,
-                "Roll back to a mark that all shards have, or start again from the host's restart point.");
-  }
-  return versions.front();
+// Returns false, and ends the operation, if the shards have different states.
+bool ShardedSession::agree(std::span<const std::uint64_t> versions) {
+  if (std::ranges::adjacent_find(versions, std::not_equal_to{}) == versions.end()) return true;
+  torn_ = fmt::format("the shards are not at the same step: their state versions are {}", fmt::join(versions, ", "));
+  operation_.reset();
+  return false;
+}
+
+void ShardedSession::refuse_torn() const {
+  refuse_call(Code::kEpoch, torn_,
+              "Roll back to a mark that all shards have, or start again from the host's restart point.");
 }
 
 // The state version that the answers of all shards tell.
 template <typename Answer>
 std::uint64_t ShardedSession::version_of_all() {
   std::vector<std::uint64_t> versions;
-  for (Shard& shard : shards_) versions.push_back(body_of<Answer>(*shard.reply).state_version);
-  return state_version_ = same_version(versions);
+  for (Asked& asked : operation_->asked) versions.push_back(body_of<Answer>(*asked.reply).state_version);
+  if (!agree(versions)) refuse_torn();
+  return state_version_ = versions.front();
 }
 
 // The reply to a request that all its shards have run.
 Received ShardedSession::join() {
-  Operation& operation = *operation_;
+  std::vector<Asked>& asked = operation_->asked;
   Received joined;
-  for (const Shard& shard : shards_)
-    if (shard.reply) joined.round_trip = std::max(joined.round_trip, shard.reply->round_trip);
-  wire::Request& question = operation.question;
+  for (const Asked& of_shard : asked)
+    if (of_shard.reply) joined.round_trip = std::max(joined.round_trip, of_shard.reply->round_trip);
+  const wire::Request& question = operation_->question;
   if (const auto* step = std::get_if<wire::Downscale>(&question.body)) {
-    std::vector<Received*> replies;
-    const bool committed = operation.stage == Stage::kCommit;
-    for (Shard& shard : shards_) {
-      replies.push_back(&(committed ? *shard.answer : *shard.reply));
-      joined.round_trip = std::max(joined.round_trip, replies.back()->round_trip);
-    }
-    joined.reply.batch = join_rows(replies);
-    wire::Upscale sum = join_steps(replies);
-    sum.state_version = committed ? version_of_all<wire::Committed>() : version_of_all<wire::Upscale>();
-    joined.reply.body = std::move(sum);
-    trial_stands_ = !committed && last_of_step(*step);
-    previous_committed_ = false;
+    join_step(*step, joined);
+  } else if (asks<wire::OpenSession>(question)) {
+    auto& all = joined.reply.body.emplace<wire::SessionOpened>(body_of<wire::SessionOpened>(*asked.front().reply));
+    for (Asked& of_shard : asked) add_warnings(all.warnings, body_of<wire::SessionOpened>(*of_shard.reply).warnings);
   } else if (asks<wire::Commit>(question)) {
     joined.reply.body = wire::Committed{.state_version = version_of_all<wire::Committed>()};
     trial_stands_ = false;
@@ -77,10 +74,10 @@ Received ShardedSession::join() {
       joined.reply.batch = named_nodes(*node_ids_);
     }
   } else if (asks<wire::Mark>(question)) {
-    wire::Marked marked = body_of<wire::Marked>(*shards_.front().reply);
-    for (Shard& shard : shards_)
+    wire::Marked marked = body_of<wire::Marked>(*asked.front().reply);
+    for (Asked& of_shard : asked)
       std::erase_if(marked.names, [&](const std::string& name) {
-        const auto& others = body_of<wire::Marked>(*shard.reply).names;
+        const auto& others = body_of<wire::Marked>(*of_shard.reply).names;
         return std::ranges::find(others, name) == others.end();
       });
     marks_[std::get<wire::Mark>(question.body).name] = node_ids_;
@@ -89,93 +86,100 @@ Received ShardedSession::join() {
     marked.state_version = version_of_all<wire::Marked>();
     joined.reply.body = std::move(marked);
   } else {
-    Ids now = *node_ids_;
     if (asks<wire::AcceptNodes>(question)) {
       std::vector<std::span<const std::uint64_t>> lists;
-      for (Shard& shard : shards_)
-        if (shard.reply) lists.push_back(std::as_const(shard.reply->reply.batch).u64(Field::kNodeId));
-      const Ids accepted = merge_of(std::move(lists));
-      now.insert(now.end(), accepted.begin(), accepted.end());
-      joined.reply.batch = named_nodes(accepted);
-    } else if (asks<wire::RegisterNodes>(question)) {
-      const auto registered = question.batch.u64(Field::kNodeId);
-      now.insert(now.end(), registered.begin(), registered.end());
-    } else {
-      Ids gone;
-      for (const Shard& shard : shards_) {
-        if (!shard.reply) continue;
-        const auto ids = shard.request.batch.u64(Field::kNodeId);
-        gone.insert(gone.end(), ids.begin(), ids.end());
-      }
-      std::ranges::sort(gone);
-      std::erase_if(now, [&](std::uint64_t id) { return std::ranges::binary_search(gone, id); });
+      for (const Asked& of_shard : asked)
+        if (of_shard.reply) lists.push_back(of_shard.reply->reply.batch.u64(Field::kNodeId));
+      joined.reply.batch = named_nodes(merge_of(std::move(lists)));
     }
+    Ids now = *node_ids_;
+    change_nodes(now, question, joined.reply.batch);
     const std::uint64_t nodes = now.size();
     place(std::make_shared<const Ids>(std::move(now)));
     joined.reply.body = wire::NodesChanged{.nodes = nodes};
   }
-  last_sequence_ = operation.sequence;
+  last_sequence_ = operation_->sequence;
   return joined;
 }
 
-// The rows of a step, each from its shard.
-Batch ShardedSession::join_rows(std::span<Received* const> replies) const {
-  Batch all = columns_of(replies.front()->reply.batch, operation_->rows);
-  for (std::size_t k = 0; k < replies.size(); ++k) {
-    const auto rows = rows_in(shards_[k]);
-    each_column(std::as_const(replies[k]->reply.batch), all, [&](const wire::Column& column, auto from, auto to) {
-      if (from.size() != rows.size())
-        refuse_call(
-            Code::kUnexpectedReply,
-            fmt::format("shard {} answers {} of {} rows of {}", k, from.size(), rows.size(), wire::name(column.field)),
-            "Are all servers of the same version?");
-      for (std::size_t i = 0; i < rows.size(); ++i) to[rows[i]] = from[i];
+void ShardedSession::join_step(const wire::Downscale& step, Received& joined) {
+  const bool committed = operation_->stage == Stage::kCommit;
+  wire::Upscale sum;
+  std::vector<Answered> answers;
+  for (std::size_t k = 0; k < shards_.size(); ++k) {
+    Asked& asked = operation_->asked[k];
+    Received& reply = committed ? *asked.answer : *asked.reply;
+    const auto& one = body_of<wire::Upscale>(reply);
+    add_rows(sum, one);
+    sum.solver_ns = std::max(sum.solver_ns, one.solver_ns);  // the shards compute at the same time
+    sum.service_ns = std::max(sum.service_ns, one.service_ns);
+    joined.round_trip = std::max(joined.round_trip, reply.round_trip);
+    answers.push_back({k, reply.reply.batch, rows_in(*operation_, k)});
+  }
+  joined.reply.batch = join_rows(answers, operation_->rows);
+  sum.state_version = committed ? version_of_all<wire::Committed>() : version_of_all<wire::Upscale>();
+  joined.reply.body = std::move(sum);
+  trial_stands_ = !committed && last_of_step(step);
+  previous_committed_ = false;
+}
+
+// The rows of the host, each from its shard. The columns are those of the first answer.
+Batch ShardedSession::join_rows(std::span<const Answered> answers, std::size_t rows, std::size_t values_per_row) {
+  Batch all = columns_of(answers.front().columns, rows * values_per_row);
+  for (const Answered& of_shard : answers) {
+    const auto places = of_shard.places;
+    each_column(of_shard.columns, all, [&](const wire::Column& column, auto from, auto to) {
+      if (from.size() != places.size() * values_per_row)
+        refuse_call(Code::kUnexpectedReply,
+                    fmt::format("shard {} answers {} of {} rows of {}", of_shard.shard, from.size(),
+                                places.size() * values_per_row, wire::name(column.field)),
+                    "Are all servers of the same version?");
+      for (std::size_t row = 0; row < places.size(); ++row)
+        for (std::size_t i = 0; i < values_per_row; ++i)
+          to[places[row] * values_per_row + i] = from[row * values_per_row + i];
     });
   }
   return all;
 }
 
-wire::Upscale ShardedSession::join_steps(std::span<Received* const> replies) {
-  wire::Upscale sum;
-  for (Received* reply : replies) {
-    const auto& one = body_of<wire::Upscale>(*reply);
-    add_rows(sum, one);
-    sum.solver_ns = std::max(sum.solver_ns, one.solver_ns);  // the shards compute at the same time
-    sum.service_ns = std::max(sum.service_ns, one.service_ns);
-  }
-  return sum;
-}
-
-// The profiles of nodes of several shards: each shard answers with the rows of its nodes, which are joined in the order
-// of the request. The request changes nothing, so it is no operation under way.
+// The profiles of nodes of several shards. The request changes nothing, so it is no operation under way.
 Received ShardedSession::read_profiles(const wire::Request& request) {
-  const auto rows = rows_of_shards(request.batch.u64(Field::kNodeId), links_.size());
-  Received joined;
-  auto& sum = joined.reply.body.emplace<wire::Profiles>();
-  sum.nodes = request.batch.u64(Field::kNodeId).size();
-  sum.state_version = state_version_;
+  const auto ids = request.batch.u64(Field::kNodeId);
+  if (ids.empty())
+    refuse_call(Code::kShape, "read_profiles needs at least one node; none was given", "Name a node.", Field::kNodeId);
+  const auto rows = rows_of_shards(ids, links_.size());
+  std::vector<Received> replies(links_.size());
+  std::vector<Answered> answers;
+  std::uint64_t vertices = 0;
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
     if (rows[k].empty()) continue;
     links_.left(k);
-    Received received = shards_[k].session->read_profiles(rows_of(request.batch, rows[k]));
-    const auto& one = body_of<wire::Profiles>(received);
-    const Batch& some = std::as_const(received.reply.batch);
-    Batch& all = joined.reply.batch;
-    if (all.columns().empty()) {
-      sum.vertices = one.vertices;
-      all = columns_of(some, sum.nodes * sum.vertices);
-    }
-    each_column(some, all, [&](const wire::Column&, auto from, auto to) {
-      if (one.vertices != sum.vertices || from.size() != rows[k].size() * sum.vertices)
-        refuse_call(Code::kUnexpectedReply, fmt::format("shard {} answers other rows of a profile", k),
-                    "Are all servers of the same version?");
-      for (std::size_t i = 0; i < rows[k].size(); ++i)
-        std::ranges::copy(from.subspan(i * sum.vertices, sum.vertices), to.begin() + rows[k][i] * sum.vertices);
-    });
+    replies[k] = shards_[k].session->read_profiles(rows_of(request.batch, rows[k]));
+    vertices = body_of<wire::Profiles>(replies[k]).vertices;
+    answers.push_back({k, replies[k].reply.batch, rows[k]});
   }
-  if (joined.reply.batch.columns().empty())
-    refuse_call(Code::kShape, "read_profiles needs at least one node; none was given", "Name a node.", Field::kNodeId);
+  Received joined;
+  joined.reply.batch = join_rows(answers, ids.size(), vertices);
+  joined.reply.body = wire::Profiles{.nodes = ids.size(), .vertices = vertices, .state_version = state_version_};
   return joined;
+}
+
+Batch ShardedSession::join_nodes(std::span<const Received> replies) const {
+  std::vector<Answered> answers;
+  for (std::size_t k = 0; k < replies.size(); ++k)
+    if (const Batch& some = replies[k].reply.batch; !shards_[k].rows.empty())
+      answers.push_back({k, some, shards_[k].rows});
+  const bool told = std::ranges::all_of(answers, [](const Answered& one) { return one.columns.has(Field::kPair); });
+  return told && !answers.empty() ? join_rows(answers, node_ids_->size()) : named_nodes(*node_ids_);
+}
+
+wire::SessionResumed ShardedSession::position() const {
+  wire::SessionResumed position{
+      .last_sequence = last_sequence_, .state_version = state_version_, .trial_stands = trial_stands_};
+  for (const Shard& shard : shards_)
+    for (const TransferId& offer : shard.session->offers)
+      if (std::ranges::find(position.offers, offer) == position.offers.end()) position.offers.push_back(offer);
+  return position;
 }
 
 // Makes `order` the order of the rows. Returns false, and changes nothing, if the shards have other nodes.

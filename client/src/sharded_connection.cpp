@@ -8,10 +8,7 @@
 #include <utility>
 #include <variant>
 
-#include "client/src/resumed_nodes.hpp"
 #include "client/src/shards.hpp"
-#include "proto/wire/codec.hpp"
-#include "proto/wire/text.hpp"
 
 namespace shearbus {
 namespace {
@@ -97,10 +94,7 @@ void ShardedConnection::say(const wire::Request& request) noexcept {
 
 ShardedSession& ShardedConnection::session_of(const wire::Request& request) {
   const auto known = sessions_.find(request.session_id);
-  if (known == sessions_.end())
-    throw Error({.code = Code::kUnsupported,
-                 .text = fmt::format("{} is not a request to several servers", verb_of(request)),
-                 .remedy = "Ask each server by an endpoint of its own."});
+  if (known == sessions_.end()) refuse_verb(request);
   return *known->second;
 }
 
@@ -140,116 +134,37 @@ Received ShardedConnection::hello(const wire::Request& request) {
   return joined;
 }
 
-void ShardedConnection::begin_opening(const wire::Request& request, std::uint64_t hash) {
-  const auto& asked = std::get<wire::OpenSession>(request.body);
-  const auto ids = request.batch.u64(Field::kNodeId);
-  if (asked.domain.empty() && ids.empty())
-    throw Error({.code = Code::kShape,
-                 .text = "a session without a domain needs at least one node; none was given",
-                 .remedy = "Give nodes, or a domain.",
-                 .field = wire::name(Field::kNodeId)});
-  const std::uint32_t shards = links_.size();
-  Opening opening{.id = asked.session_id, .hash = hash, .shards = {}};
-  const auto rows = rows_of_shards(ids, shards);
-  for (std::uint32_t k = 0; k < shards; ++k) {
-    wire::OpenSession of_shard = asked;
-    of_shard.session_id = session_of_shard(asked.session_id, k, shards);
-    of_shard.domain = domain_of_shard(
-        asked.domain.empty() ? "session " + wire::hexadecimal(asked.session_id) : asked.domain, k, shards);
-    wire::Request& made = opening.shards.emplace_back().request;
-    made.request_id = links_[k]->next_request_id();
-    made.body = std::move(of_shard);
-    if (!rows[k].empty()) made.batch = rows_of(request.batch, rows[k]);
-  }
-  opening_ = std::move(opening);
-  for (std::uint32_t k = 0; k < shards; ++k) try_post(*links_[k], opening_->shards[k].request);
+std::unique_ptr<SessionState> ShardedConnection::shard_of_session(std::uint32_t shard, const wire::SessionId& id,
+                                                                  const wire::ResumeToken& token) const {
+  auto session = std::make_unique<SessionState>();
+  session->connection = links_[shard];
+  session->id = session_of_shard(id, shard, links_.size());
+  session->resume_token = token;
+  return session;
 }
 
+// An opening whose outcome is unknown leaves its session, under the same id, to the repetition of the call.
 Received ShardedConnection::open(const wire::Request& request) {
-  const std::uint64_t hash = hash_of(request);
-  if (!opening_ || opening_->hash != hash) begin_opening(request, hash);
-  Opening& opening = *opening_;
-  std::optional<Error> unsettled;
-  const Error* refusal = nullptr;
-  for (std::uint32_t k = 0; k < links_.size(); ++k) {
-    Opening::OfShard& shard = opening.shards[k];
-    if (!shard.opened && !shard.refused) {
-      try {
-        Received received = links_[k]->call(shard.request, links_.left(k));
-        body_of<wire::SessionOpened>(received);
-        shard.opened = std::move(received);
-      } catch (const Error& fault) {
-        // A refused opening may be repeated with the same bytes unless it was undone, so all other refusals are final.
-        const int kind = static_cast<int>(fault.status().code) / 100;
-        if (kind == 1 || kind == 2 || kind == 3 || fault.status().code == Code::kDraining)
-          shard.refused = fault;
-        else if (!unsettled)
-          unsettled = fault;
-      }
+  const auto& asked = std::get<wire::OpenSession>(request.body);
+  if (!sessions_.contains(asked.session_id)) {
+    const auto ids = request.batch.u64(Field::kNodeId);
+    const auto rows = rows_of_shards(ids, links_.size());
+    std::vector<std::unique_ptr<SessionState>> shards;
+    for (std::uint32_t k = 0; k < links_.size(); ++k) {
+      shards.push_back(shard_of_session(k, asked.session_id, asked.resume_token));
+      for (const std::uint32_t row : rows[k]) shards.back()->node_ids.push_back(ids[row]);
     }
-    if (shard.refused && refusal == nullptr) refusal = &*shard.refused;
+    sessions_[asked.session_id] =
+        std::make_unique<ShardedSession>(links_, std::move(shards), std::vector<std::uint64_t>(ids.begin(), ids.end()));
   }
-  if (unsettled && refusal == nullptr) {
-    if (unsettled->status().code == Code::kUnreachable &&
-        std::ranges::any_of(opening.shards, [](const auto& shard) { return shard.opened.has_value(); })) {
-      wire::Status status = unsettled->status();
-      status.code = Code::kUnknownOutcome;  // the others have opened it: the same call goes on
-      throw Error(std::move(status));
-    }
-    throw Error(*unsettled);
+  ShardedSession& session = *sessions_.at(asked.session_id);
+  try {
+    return session.call(request);
+  } catch (const Error&) {
+    opening_undone = !session.under_way();
+    if (opening_undone) sessions_.erase(asked.session_id);
+    throw;
   }
-  if (refusal != nullptr) {
-    const Error fault = *refusal;
-    undo_opening();
-    throw Error(fault);
-  }
-  std::vector<std::unique_ptr<SessionState>> sessions;
-  Received joined;
-  for (std::uint32_t k = 0; k < links_.size(); ++k) {
-    Opening::OfShard& shard = opening.shards[k];
-    const auto& asked = std::get<wire::OpenSession>(shard.request.body);
-    auto& opened = body_of<wire::SessionOpened>(*shard.opened);
-    auto& session = *sessions.emplace_back(std::make_unique<SessionState>());
-    session.connection = links_[k];
-    session.id = asked.session_id;
-    session.resume_token = asked.resume_token;
-    session.epoch = shard.opened->reply.epoch;
-    const auto nodes = std::as_const(shard.request.batch).u64(Field::kNodeId);
-    session.node_ids.assign(nodes.begin(), nodes.end());
-    if (k == 0) {
-      joined.reply.body = opened;
-      continue;
-    }
-    auto& all = std::get<wire::SessionOpened>(joined.reply.body);
-    for (const std::string& warning : opened.warnings)
-      if (std::ranges::find(all.warnings, warning) == all.warnings.end()) all.warnings.push_back(warning);
-  }
-  const auto ids = request.batch.u64(Field::kNodeId);
-  sessions_[opening.id] =
-      std::make_unique<ShardedSession>(links_, std::move(sessions), std::vector<std::uint64_t>(ids.begin(), ids.end()));
-  opening_.reset();
-  return joined;
-}
-
-// Some shards have refused the opening: closes the sessions of the others.
-void ShardedConnection::undo_opening() noexcept {
-  opening_undone = true;
-  for (std::uint32_t k = 0; k < links_.size(); ++k) {
-    const Opening::OfShard& shard = opening_->shards[k];
-    if (!shard.opened) continue;
-    try {
-      const wire::Request close{
-          .request_id = links_[k]->next_request_id(),
-          .session_id = std::get<wire::OpenSession>(shard.request.body).session_id,
-          .sequence = 1,
-          .epoch = shard.opened->reply.epoch,
-          .body = wire::CloseSession{.reason = "another server of the run has refused the session"}};
-      links_[k]->call(close, links_.left(k));
-    } catch (const std::exception&) {
-      // The server has the session until an operator closes it.
-    }
-  }
-  opening_.reset();
 }
 
 Received ShardedConnection::resume(const wire::Request& request) {
@@ -258,10 +173,7 @@ Received ShardedConnection::resume(const wire::Request& request) {
   std::vector<wire::SessionResumed> positions;
   std::vector<Received> replies;
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
-    auto& session = *sessions.emplace_back(std::make_unique<SessionState>());
-    session.connection = links_[k];
-    session.id = session_of_shard(request.session_id, k, links_.size());
-    session.resume_token = asked.resume_token;
+    auto& session = *sessions.emplace_back(shard_of_session(k, request.session_id, asked.resume_token));
     links_.left(k);
     try {
       Received where = claim_session(*links_[k], session.id, session.resume_token, session.claim_in_doubt);
@@ -284,7 +196,7 @@ Received ShardedConnection::resume(const wire::Request& request) {
   auto& resumed = joined.reply.body.emplace<wire::SessionResumed>(session->position());
   resumed.session = std::move(positions.front().session);
   resumed.claim = asked.claim;
-  joined.reply.batch = joined_nodes(replies, session->node_ids());
+  joined.reply.batch = session->join_nodes(replies);
   sessions_[request.session_id] = std::move(session);
   return joined;
 }

@@ -25,27 +25,15 @@ class ShardedConnection final : public Connection {
   void pause(std::chrono::milliseconds time) override { links_[0]->pause(time); }
 
  private:
-  // An opening that has not ended. A repetition asks only the shards that have not answered.
-  struct Opening {
-    struct OfShard {
-      wire::Request request;
-      std::optional<Received> opened;
-      std::optional<Error> refused;
-    };
-    wire::SessionId id{};
-    std::uint64_t hash = 0;
-    std::vector<OfShard> shards;
-  };
-
   Received hello(const wire::Request& request);
   Received open(const wire::Request& request);
-  void begin_opening(const wire::Request& request, std::uint64_t hash);
-  void undo_opening() noexcept;
   Received resume(const wire::Request& request);
   ShardedSession& session_of(const wire::Request& request);
+  // What a shard has of a session, which the host knows by this id and token.
+  std::unique_ptr<SessionState> shard_of_session(std::uint32_t shard, const wire::SessionId& id,
+                                                 const wire::ResumeToken& token) const;
 
   ShardLinks links_;
-  std::optional<Opening> opening_;
   std::map<wire::SessionId, std::unique_ptr<ShardedSession>> sessions_;
 };
 

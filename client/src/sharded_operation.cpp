@@ -13,8 +13,11 @@ namespace {
 
 // True for a status that says that the request was not run and cannot run later. After any other status the outcome on
 // this shard is open.
-bool is_refusal(Code code) {
+bool is_refusal(Code code, bool of_opening) {
+  const int kind = static_cast<int>(code) / 100;
   switch (code) {
+    case Code::kDraining:
+      return of_opening;
     case Code::kNothingToCommit:
     case Code::kUnknownMark:
     case Code::kTrialStands:
@@ -22,36 +25,41 @@ bool is_refusal(Code code) {
     case Code::kNotPermitted:
       return true;
     default:
-      return static_cast<int>(code) / 100 == 1 || static_cast<int>(code) / 100 == 3;
+      return kind == 1 || kind == 3 || (kind == 2 && of_opening);
   }
 }
 
 }  // namespace
 
-// Waits for the answers of all shards. Throws the first fault that leaves the outcome on a shard open.
+// Waits for the answers of all shards. Throws the first fault that leaves the outcome on a shard open. An opening that
+// one shard refuses is refused, whatever becomes of it on the others.
 void ShardedSession::settle() {
-  std::optional<Error> unsettled;
+  const bool opens = asks<wire::OpenSession>(operation_->question);
+  bool refused = operation_->refusal.has_value();
   bool may_have_run = operation_->stage != Stage::kAsked;
+  std::optional<Error> unsettled;
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
-    Shard& shard = shards_[k];
-    if (shard.open) {
+    Asked& asked = operation_->asked[k];
+    SessionState& session = *shards_[k].session;
+    if (asked.open) {
       links_.left(k);
       try {
-        shard.reply = shard.session->exchange(shard.request);
-        shard.open = false;
+        asked.reply = session.exchange(asked.request);
+        asked.open = false;
       } catch (const Error& fault) {
-        if (is_refusal(fault.status().code)) {
-          shard.refusal = fault;
-          shard.open = false;
+        if (is_refusal(fault.status().code, opens)) {
+          asked.refusal = fault;
+          asked.open = false;
         } else {
-          may_have_run |= shard.session->in_doubt.has_value();
+          may_have_run |= session.in_doubt.has_value();
           if (!unsettled) unsettled = fault;
         }
       }
     }
-    may_have_run |= shard.reply.has_value();
+    refused |= asked.refusal.has_value();
+    may_have_run |= asked.reply.has_value();
   }
-  if (!unsettled) return;
+  if (!unsettled || (opens && refused)) return;
   const Code code = unsettled->status().code;
   if (code != Code::kUnreachable && code != Code::kAuth) throw Error(*unsettled);
   if (!may_have_run) {
@@ -84,13 +92,14 @@ Received ShardedSession::complete() {
 // Decides what follows the answers of all shards. Returns true if further requests were sent.
 bool ShardedSession::go_on() {
   Operation& operation = *operation_;
-  const auto is_refused = [](const Shard& shard) { return shard.refusal.has_value(); };
-  const bool refused = std::ranges::any_of(shards_, is_refused);
-  const bool ran = std::ranges::any_of(shards_, [](const Shard& shard) { return shard.reply.has_value(); });
+  std::vector<Asked>& asked = operation.asked;
+  const auto is_refused = [](const Asked& of_shard) { return of_shard.refusal.has_value(); };
+  const bool refused = std::ranges::any_of(asked, is_refused);
+  const bool ran = std::ranges::any_of(asked, [](const Asked& of_shard) { return of_shard.reply.has_value(); });
   const auto* step = std::get_if<wire::Downscale>(&operation.question.body);
   const auto torn = [&](const char* what) {
-    const auto at = std::ranges::find_if(shards_, is_refused);
-    torn_ = fmt::format("the shards are not at the same step: {} on shard {}: {}", what, at - shards_.begin(),
+    const auto at = std::ranges::find_if(asked, is_refused);
+    torn_ = fmt::format("the shards are not at the same step: {} on shard {}: {}", what, at - asked.begin(),
                         describe(at->refusal->status()));
   };
   switch (operation.stage) {
@@ -102,25 +111,26 @@ bool ShardedSession::go_on() {
     case Stage::kAsked: {
       if (!refused) {
         if (step == nullptr || step->mode != wire::Mode::kAdvance || !last_of_step(*step)) return false;
-        for (Shard& shard : shards_) shard.answer = std::move(shard.reply);
+        for (Asked& of_shard : asked) of_shard.answer = std::move(of_shard.reply);
         operation.stage = Stage::kCommit;
         ask_all(wire::Commit{});
         break;
       }
       const bool accepts = asks<wire::AcceptNodes>(operation.question);
-      const auto holds_no_offer = [](const Shard& shard) {
-        return shard.refusal && shard.refusal->status().code == Code::kUnknownTransfer;
+      const auto holds_no_offer = [](const Asked& of_shard) {
+        return of_shard.refusal && of_shard.refusal->status().code == Code::kUnknownTransfer;
       };
-      const bool only_without_offer =
-          std::ranges::all_of(shards_, [&](const Shard& shard) { return !shard.refusal || holds_no_offer(shard); });
+      const bool only_without_offer = std::ranges::all_of(
+          asked, [&](const Asked& of_shard) { return !of_shard.refusal || holds_no_offer(of_shard); });
       if (accepts && ran && only_without_offer) return false;
-      const auto first = std::ranges::find_if(
-          shards_, [&](const Shard& shard) { return shard.refusal && (only_without_offer || !holds_no_offer(shard)); });
+      const auto first = std::ranges::find_if(asked, [&](const Asked& of_shard) {
+        return of_shard.refusal && (only_without_offer || !holds_no_offer(of_shard));
+      });
       wire::Status status = first->refusal->status();
-      for (auto shard = first + 1; shard != shards_.end(); ++shard)
-        if (shard->refusal && shard->refusal->status().code == status.code)
-          status.node_ids.insert(status.node_ids.end(), shard->refusal->status().node_ids.begin(),
-                                 shard->refusal->status().node_ids.end());
+      for (auto other = first + 1; other != asked.end(); ++other)
+        if (other->refusal && other->refusal->status().code == status.code)
+          status.node_ids.insert(status.node_ids.end(), other->refusal->status().node_ids.begin(),
+                                 other->refusal->status().node_ids.end());
       status.node_ids.resize(std::min(status.node_ids.size(), wire::kMaxNodesNamed));
       operation.refusal.emplace(std::move(status));
       if (!ran) {
@@ -139,8 +149,8 @@ bool ShardedSession::go_on() {
       break;
     }
     case Stage::kDrain:
-      for (Shard& shard : shards_)
-        if (std::exchange(shard.ran_part, false)) shard.refusal.reset();
+      for (Asked& of_shard : asked)
+        if (std::exchange(of_shard.ran_part, false)) of_shard.refusal.reset();
       undo();
       break;
     case Stage::kCommitPrevious:
@@ -156,7 +166,7 @@ bool ShardedSession::go_on() {
       return false;
     case Stage::kUndo:
       if (refused) torn("a refused request cannot be undone");
-      if (!refused && step != nullptr) state_version_ = body_of<wire::RolledBack>(*shards_.front().reply).state_version;
+      if (!refused && step != nullptr) state_version_ = body_of<wire::RolledBack>(*asked.front().reply).state_version;
       return false;
   }
   post_all();
@@ -165,15 +175,15 @@ bool ShardedSession::go_on() {
 
 // Of a part that some shards have refused: the others may run the part behind it, whose answers are awaited first.
 void ShardedSession::drain() {
-  Ahead ahead = std::move(*ahead_);
-  ahead_.reset();
+  Operation ahead = *std::exchange(ahead_, std::nullopt);
   operation_->stage = Stage::kDrain;
-  for (std::uint32_t k = 0; k < links_.size(); ++k) {
-    Shard& shard = shards_[k];
-    if (!shard.reply || ahead.requests[k].epoch != shard.session->epoch) continue;  // a restarted shard has lost it
-    shard.reply.reset();
-    shard.ran_part = shard.open = true;
-    shard.request = std::move(ahead.requests[k]);
+  for (std::size_t k = 0; k < shards_.size(); ++k) {
+    Asked& asked = operation_->asked[k];
+    wire::Request& part = ahead.asked[k].request;
+    if (!asked.reply || part.epoch != shards_[k].session->epoch) continue;  // a restarted shard has lost it
+    asked.reply.reset();
+    asked.ran_part = asked.open = true;
+    asked.request = std::move(part);
   }
 }
 
@@ -182,30 +192,68 @@ void ShardedSession::undo() {
   Operation& operation = *operation_;
   if (!asks<wire::Downscale>(operation.question) || !operation.commits_previous) return go_back();
   operation.stage = Stage::kCommitPrevious;
-  for (Shard& shard : shards_)
-    if (shard.refusal) ask(shard, wire::Commit{});
+  for (std::size_t k = 0; k < shards_.size(); ++k)
+    if (operation.asked[k].refusal) ask(k, wire::Commit{});
 }
 
 // Undoes a request on the shards that have run it, since others have refused it.
 void ShardedSession::go_back() {
   Operation& operation = *operation_;
   operation.stage = Stage::kUndo;
-  for (Shard& shard : shards_) shard.refusal.reset();
   if (asks<wire::Downscale>(operation.question)) {
     trial_stands_ = false;
     return ask_all(wire::Rollback{});
   }
-  for (Shard& shard : shards_) {
-    if (!shard.reply) continue;
-    if (asks<wire::RegisterNodes>(shard.request)) {
-      ask(shard, wire::RetireNodes{}, named_nodes(shard.request.batch.u64(Field::kNodeId)));
-    } else if (const auto* offer = std::get_if<wire::OfferNodes>(&shard.request.body)) {
-      ask(shard, wire::AcceptNodes{.transfer_id = offer->transfer_id});
-    } else if (const auto* accept = std::get_if<wire::AcceptNodes>(&shard.request.body)) {
-      ask(shard, wire::OfferNodes{.transfer_id = accept->transfer_id},
-          named_nodes(std::as_const(shard.reply->reply.batch).u64(Field::kNodeId)));
+  for (std::size_t k = 0; k < shards_.size(); ++k) {
+    Asked& asked = operation.asked[k];
+    asked.open = false;  // where an opening has no answer the server keeps the session until an operator closes it
+    asked.refusal.reset();
+    if (!asked.reply) continue;
+    if (asks<wire::OpenSession>(asked.request)) {
+      ask(k, wire::CloseSession{.reason = "another server of the run has refused the session"});
+    } else if (asks<wire::RegisterNodes>(asked.request)) {
+      ask(k, wire::RetireNodes{}, named_nodes(asked.request.batch.u64(Field::kNodeId)));
+    } else if (const auto* offer = std::get_if<wire::OfferNodes>(&asked.request.body)) {
+      ask(k, wire::AcceptNodes{.transfer_id = offer->transfer_id});
+    } else if (const auto* accept = std::get_if<wire::AcceptNodes>(&asked.request.body)) {
+      ask(k, wire::OfferNodes{.transfer_id = accept->transfer_id},
+          named_nodes(std::as_const(asked.reply->reply.batch).u64(Field::kNodeId)));
     }
   }
+}
+
+// ---- after a crash of the client ----
+
+void ShardedSession::reconcile(std::span<const wire::SessionResumed> positions) {
+  std::vector<std::uint64_t> versions;
+  for (const wire::SessionResumed& position : positions) versions.push_back(position.state_version);
+  const std::uint64_t newest = std::ranges::max(versions);
+  operation_ = operation_of({}, 0);
+  operation_->stage = Stage::kCommit;  // so that a fault leaves the outcome open
+  std::vector<bool> stands;
+  for (std::size_t k = 0; k < shards_.size(); ++k) {
+    const bool behind = versions[k] + 1 == newest && positions[k].trial_stands;
+    if (behind) {
+      ask(k, wire::Commit{});
+      versions[k] = newest;
+    }
+    stands.push_back(positions[k].trial_stands && !behind);
+  }
+  trial_stands_ = std::ranges::find(stands, true) != stands.end();
+  if (!agree(versions)) return;
+  post_all();
+  settle();
+  if (trial_stands_ && std::ranges::find(stands, false) != stands.end()) {
+    trial_stands_ = false;
+    for (std::size_t k = 0; k < shards_.size(); ++k)
+      if (stands[k]) ask(k, wire::Rollback{});
+    post_all();
+    settle();
+  }
+  for (const Asked& asked : operation_->asked)
+    if (asked.refusal) torn_ = fmt::format("the shards are not at the same step: {}", asked.refusal->what());
+  state_version_ = newest;
+  operation_.reset();
 }
 
 }  // namespace shearbus

@@ -1,7 +1,6 @@
 #include "client/src/sharded_session.hpp"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <exception>
@@ -9,7 +8,7 @@
 #include <variant>
 
 #include "client/src/shards.hpp"
-#include "proto/wire/codec.hpp"
+#include "proto/wire/text.hpp"
 
 namespace shearbus {
 namespace {
@@ -38,6 +37,11 @@ void refuse_call(Code code, std::string text, std::string remedy, Field field, s
                .node_ids = std::move(node_ids)});
 }
 
+void refuse_verb(const wire::Request& request) {
+  refuse_call(Code::kUnsupported, fmt::format("{} is not a request to several servers", verb_of(request)),
+              "Ask each server by an endpoint of its own.");
+}
+
 void ShardLinks::begin_call(std::chrono::milliseconds deadline) {
   deadline_ = deadline;
   started_.clear();
@@ -45,10 +49,9 @@ void ShardLinks::begin_call(std::chrono::milliseconds deadline) {
 }
 
 std::chrono::milliseconds ShardLinks::left(std::uint32_t shard) const {
-  const auto left = std::chrono::ceil<std::chrono::milliseconds>(started_[shard] + deadline_ - shards_[shard]->now());
-  const auto time = std::max(left, std::chrono::milliseconds(1));
-  shards_[shard]->set_reply_deadline(time);
-  return time;
+  shards_[shard]->set_reply_deadline(deadline_);
+  shards_[shard]->set_reply_deadline(shards_[shard]->left_since(started_[shard]));
+  return shards_[shard]->options().reply_deadline;
 }
 
 void try_post(Connection& connection, const wire::Request& request,
@@ -114,7 +117,7 @@ Received ShardedSession::call(const wire::Request& request) {
                    .remedy = "After an unknown outcome make the same call again.",
                    .last_sequence = last_sequence_});
   }
-  if (!operation_ && ahead_ && ahead_->operation.hash != hash) settle_ahead();
+  if (!operation_ && ahead_ && ahead_->hash != hash) settle_ahead();
   if (previous_committed_ && asks<wire::Commit>(request)) {
     previous_committed_ = false;
     last_sequence_ = request.sequence;
@@ -129,57 +132,45 @@ Received ShardedSession::call(const wire::Request& request) {
 void ShardedSession::post(const wire::Request& request) {
   if (operation_) return;  // call() goes on with it
   const std::uint64_t hash = hash_of(request);
-  if (ahead_ && ahead_->operation.hash != hash) return;  // call() settles it first
+  if (ahead_ && ahead_->hash != hash) return;  // call() settles it first
   begin(request, hash);
 }
 
 void ShardedSession::post_behind(const wire::Request& request) {
   const auto& step = std::get<wire::Downscale>(request.body);
-  if (ahead_ && !operation_ && step.follows == ahead_->operation.hash) begin_ahead();  // its call comes next
+  if (ahead_ && !operation_ && step.follows == ahead_->hash) begin_ahead();  // its call comes next
   // After a fault the part before, or this one, may be under way already.
   if (ahead_ || !operation_ || operation_->stage != Stage::kAsked || step.follows != operation_->hash) return;
-  Ahead ahead;
-  ahead.operation = {.hash = hash_of(request),
-                     .sequence = request.sequence,
-                     .rows = request.batch.columns().front().count,
-                     .named = request.batch.has(Field::kNodeId)};
-  ahead.operation.question.body = request.body;
-  if (ahead.operation.named) ahead.named_rows = rows_of_shards(request.batch.u64(Field::kNodeId), links_.size());
+  Operation ahead = operation_of(request, hash_of(request));
   for (std::uint32_t k = 0; k < links_.size(); ++k) {
-    const Shard& shard = shards_[k];
-    wire::Request part = shard.session->next_request();
-    part.sequence = shard.request.sequence + 1;
-    part.epoch = shard.request.epoch;
-    part.request_id = shard.session->connection->next_request_id();
-    auto& asked = part.body.emplace<wire::Downscale>(step);
-    asked.mode = wire::Mode::kTrial;
-    asked.follows = hash_of(shard.request);
-    part.batch = rows_of(request.batch, ahead.operation.named ? ahead.named_rows[k] : shard.rows);
-    ahead.requests.push_back(std::move(part));
+    const wire::Request& before = operation_->asked[k].request;
+    wire::Request& behind = ahead.asked[k].request;
+    behind = shards_[k].session->next_request();
+    behind.sequence = before.sequence + 1;
+    behind.epoch = before.epoch;
+    behind.request_id = links_[k]->next_request_id();
+    auto& part = behind.body.emplace<wire::Downscale>(step);
+    part.mode = wire::Mode::kTrial;
+    part.follows = hash_of(before);
+    behind.batch = rows_of(request.batch, rows_in(ahead, k));
+    ahead.asked[k].open = true;
   }
   ahead_ = std::move(ahead);
   for (std::uint32_t k = 0; k < links_.size(); ++k)
-    try_post(*shards_[k].session->connection, ahead_->requests[k], &Connection::post_behind);
+    try_post(*links_[k], ahead_->asked[k].request, &Connection::post_behind);
 }
 
 // Makes the part that was sent ahead the operation under way. A shard that was restarted since has lost it: it gets
 // the part anew, behind the answered one.
 void ShardedSession::begin_ahead() {
-  Ahead ahead = std::move(*ahead_);
-  ahead_.reset();
-  operation_ = std::move(ahead.operation);
-  for (std::uint32_t k = 0; k < links_.size(); ++k) {
-    Shard& shard = shards_[k];
-    shard.reply.reset();
-    shard.answer.reset();
-    shard.refusal.reset();
-    if (operation_->named) shard.named_rows = std::move(ahead.named_rows[k]);
-    shard.request = std::move(ahead.requests[k]);
-    shard.open = true;
-    if (shard.request.epoch == shard.session->epoch) continue;
-    shard.request.epoch = shard.session->epoch;
-    shard.request.request_id = shard.session->connection->next_request_id();
-    std::get<wire::Downscale>(shard.request.body).follows = 0;
+  operation_ = std::exchange(ahead_, std::nullopt);
+  for (std::size_t k = 0; k < shards_.size(); ++k) {
+    wire::Request& request = operation_->asked[k].request;
+    SessionState& session = *shards_[k].session;
+    if (request.epoch == session.epoch) continue;
+    request.epoch = session.epoch;
+    request.request_id = session.connection->next_request_id();
+    std::get<wire::Downscale>(request.body).follows = 0;
   }
 }
 
@@ -200,35 +191,24 @@ void ShardedSession::begin(const wire::Request& request, std::uint64_t hash) {
   if (ahead_) return begin_ahead();  // of the same hash: call() and post() have settled any other
   const auto* rollback = std::get_if<wire::Rollback>(&request.body);
   const bool to_mark = rollback != nullptr && !rollback->to_mark.empty();
-  if (!torn_.empty() && !to_mark)
-    refuse_call(Code::kEpoch, torn_,
-                "Roll back to a mark that all shards have, or start again from the host's restart point.");
-  for (Shard& shard : shards_) {
-    shard.open = false;
-    shard.reply.reset();
-    shard.answer.reset();
-    shard.refusal.reset();
-  }
+  if (!torn_.empty() && !to_mark) refuse_torn();
   try {
-    operation_ = Operation{};
-    Operation& operation = *operation_;
-    operation.hash = hash;
-    operation.sequence = request.sequence;
-    operation.question.body = request.body;
+    operation_ = operation_of(request, hash);
     const bool leaving = asks<wire::RetireNodes, wire::OfferNodes>(request);
     if (const auto* step = std::get_if<wire::Downscale>(&request.body)) {
       begin_step(request, *step);
+    } else if (const auto* opening = std::get_if<wire::OpenSession>(&request.body)) {
+      begin_opening(request, *opening);
     } else if (leaving || asks<wire::RegisterNodes>(request)) {
       begin_nodes(request, leaving);
     } else if (to_mark && trial_stands_) {
       // First the trials, so that after a crash of this client none of them is taken for a step to be committed.
-      operation.stage = Stage::kDropTrial;
+      operation_->stage = Stage::kDropTrial;
       ask_all(wire::Rollback{});
     } else if (asks<wire::Commit, wire::Rollback, wire::Mark, wire::AcceptNodes>(request)) {
       ask_all(request.body);
     } else {
-      refuse_call(Code::kUnsupported, fmt::format("{} is not a request to several servers", verb_of(request)),
-                  "Ask each server by an endpoint of its own.");
+      refuse_verb(request);
     }
   } catch (...) {
     operation_.reset();
@@ -237,25 +217,36 @@ void ShardedSession::begin(const wire::Request& request, std::uint64_t hash) {
   post_all();
 }
 
+// Opens a session on each shard, also on one without nodes, under the id and domain by which the shard knows it.
+void ShardedSession::begin_opening(const wire::Request& request, const wire::OpenSession& opening) {
+  if (opening.domain.empty() && node_ids_->empty())
+    refuse_call(Code::kShape, "a session without a domain needs at least one node; none was given",
+                "Give nodes, or a domain.", Field::kNodeId);
+  const std::string domain =
+      opening.domain.empty() ? "session " + wire::hexadecimal(opening.session_id) : opening.domain;
+  for (std::uint32_t k = 0; k < links_.size(); ++k) {
+    Asked& asked = operation_->asked[k];
+    wire::OpenSession of_shard = opening;
+    of_shard.session_id = shards_[k].session->id;
+    of_shard.domain = domain_of_shard(domain, k, links_.size());
+    ask(k, std::move(of_shard), asked.named_rows.empty() ? Batch() : rows_of(request.batch, asked.named_rows));
+    asked.request.session_id = {};  // there is none yet
+    asked.request.sequence = 0;
+  }
+}
+
 void ShardedSession::begin_step(const wire::Request& request, const wire::Downscale& step) {
-  Operation& operation = *operation_;
   const auto& columns = request.batch.columns();
-  operation.rows = columns.empty() ? 0 : columns.front().count;
-  operation.named = request.batch.has(Field::kNodeId);
-  if (!operation.named && operation.rows != node_ids_->size())
-    refuse_call(Code::kShape, fmt::format("{} rows for {} nodes", operation.rows, node_ids_->size()),
+  if (!operation_->named && operation_->rows != node_ids_->size())
+    refuse_call(Code::kShape, fmt::format("{} rows for {} nodes", operation_->rows, node_ids_->size()),
                 "Give one row per node, or name the node of each row.",
                 columns.empty() ? Field::kNodeId : columns[0].field);
   wire::Downscale asked = step;
   asked.mode = wire::Mode::kTrial;
   asked.follows = 0;  // all shards have answered the part before
-  asked.commit_previous = operation.commits_previous = step.commit_previous && !previous_committed_;
-  if (operation.named) {
-    auto rows = rows_of_shards(request.batch.u64(Field::kNodeId), links_.size());
-    for (std::uint32_t k = 0; k < links_.size(); ++k) shards_[k].named_rows = std::move(rows[k]);
-  }
+  asked.commit_previous = operation_->commits_previous = step.commit_previous && !previous_committed_;
   // A shard without rows takes part, too, so that all shards count the same steps.
-  for (Shard& shard : shards_) ask(shard, asked, rows_of(request.batch, rows_in(shard)));
+  for (std::size_t k = 0; k < shards_.size(); ++k) ask(k, asked, rows_of(request.batch, rows_in(*operation_, k)));
 }
 
 void ShardedSession::begin_nodes(const wire::Request& request, bool leaving) {
@@ -263,34 +254,97 @@ void ShardedSession::begin_nodes(const wire::Request& request, bool leaving) {
   if (leaving && trial_stands_)
     refuse_call(Code::kTrialStands, "a trial stands, and the set of nodes cannot change",
                 "Commit it or roll it back first.");
-  if (leaving)
-    check_leaving(ids, *node_ids_);
-  else
-    operation_->question.batch = named_nodes(ids);
-  const auto rows = rows_of_shards(ids, links_.size());
-  for (std::uint32_t k = 0; k < links_.size(); ++k) {
-    if (rows[k].empty() && !(ids.empty() && k == 0)) continue;  // the first shard refuses a request without nodes
-    ask(shards_[k], request.body, rows_of(request.batch, rows[k]));
+  if (leaving) check_leaving(ids, *node_ids_);
+  operation_->question.batch = named_nodes(ids);
+  for (std::size_t k = 0; k < shards_.size(); ++k) {
+    const auto& rows = operation_->asked[k].named_rows;
+    if (rows.empty() && !(ids.empty() && k == 0)) continue;  // the first shard refuses a request without nodes
+    ask(k, request.body, rows_of(request.batch, rows));
   }
 }
 
-void ShardedSession::ask(Shard& shard, Body body, Batch batch) {
-  shard.request = shard.session->next_request();
-  if (shard.request.request_id == 0) shard.request.request_id = shard.session->connection->next_request_id();
-  shard.request.body = std::move(body);
-  shard.request.batch = std::move(batch);
-  shard.open = true;
-  shard.reply.reset();
-  shard.refusal.reset();
+// ---- the requests to the shards ----
+
+ShardedSession::Operation ShardedSession::operation_of(const wire::Request& request, std::uint64_t hash) const {
+  const auto& columns = request.batch.columns();
+  Operation operation{.hash = hash,
+                      .sequence = request.sequence,
+                      .question = {.body = request.body},
+                      .rows = columns.empty() ? 0 : columns.front().count,
+                      .named = request.batch.has(Field::kNodeId),
+                      .asked = std::vector<Asked>(shards_.size())};
+  auto rows = rows_of_shards(request.batch.u64(Field::kNodeId), links_.size());
+  for (std::size_t k = 0; k < shards_.size(); ++k) operation.asked[k].named_rows = std::move(rows[k]);
+  return operation;
+}
+
+void ShardedSession::ask(std::size_t shard, Body body, Batch batch) {
+  Asked& asked = operation_->asked[shard];
+  SessionState& session = *shards_[shard].session;
+  asked.request = session.next_request();
+  if (asked.request.request_id == 0) asked.request.request_id = session.connection->next_request_id();
+  asked.request.body = std::move(body);
+  asked.request.batch = std::move(batch);
+  asked.open = true;
+  asked.reply.reset();
+  asked.refusal.reset();
 }
 
 void ShardedSession::ask_all(const Body& body) {
-  for (Shard& shard : shards_) ask(shard, body);
+  for (std::size_t k = 0; k < shards_.size(); ++k) ask(k, body);
 }
 
 void ShardedSession::post_all() {
-  for (Shard& shard : shards_)
-    if (shard.open) try_post(*shard.session->connection, shard.request);
+  for (std::uint32_t k = 0; k < links_.size(); ++k)
+    if (operation_->asked[k].open) try_post(*links_[k], operation_->asked[k].request);
+}
+
+// ---- the end of the session ----
+
+Received ShardedSession::close(const wire::Request& request) {
+  operation_.reset();
+  ahead_.reset();
+  std::optional<Error> fault;
+  wire::SessionClosed totals;
+  for (std::uint32_t k = 0; k < links_.size(); ++k) {
+    Shard& shard = shards_[k];
+    for (int attempt = 0; !shard.closed && attempt < 2; ++attempt) {
+      links_.left(k);
+      try {
+        shard.closed = shard.session->exchange<wire::SessionClosed>(std::get<wire::CloseSession>(request.body));
+      } catch (const Error& refusal) {
+        // A request that was interrupted has run: the session stands behind it now.
+        if (refusal.status().code == Code::kSequenceReused && attempt == 0) continue;
+        if (!fault) fault = refusal;
+        break;
+      }
+    }
+    if (!shard.closed) continue;
+    totals.requests += shard.closed->requests;
+    totals.node_steps += shard.closed->node_steps;
+    totals.solver_ns += shard.closed->solver_ns;
+    totals.asleep_node_steps += shard.closed->asleep_node_steps;
+  }
+  if (fault) throw Error(*fault);
+  Received received;
+  received.reply.body = totals;
+  return received;
+}
+
+void ShardedSession::say_close(const wire::Request& request) noexcept try {
+  for (std::size_t k = 0; k < shards_.size(); ++k) {
+    if (shards_[k].closed) continue;
+    SessionState& session = *shards_[k].session;
+    wire::Request goodbye = session.next_request();
+    if (operation_ && operation_->asked[k].open)
+      ++goodbye.sequence;  // the request under way runs before the closing one
+    if (ahead_) ++goodbye.sequence;
+    if (goodbye.request_id == 0) goodbye.request_id = session.connection->next_request_id();
+    goodbye.body = request.body;
+    session.connection->say(goodbye);
+  }
+} catch (const std::exception&) {
+  // Without memory for the closing request the sessions stay open on the servers.
 }
 
 }  // namespace shearbus

@@ -4,7 +4,6 @@
 // other completes it first.
 #pragma once
 
-#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <map>
@@ -50,9 +49,8 @@ Batch rows_of(const Batch& batch, std::span<const std::uint32_t> rows);
 [[noreturn]] void refuse_call(Code code, std::string text, std::string remedy, Field field = Field::kUnspecified,
                               std::vector<std::uint64_t> node_ids = {});
 
-inline bool all_equal(std::span<const std::uint64_t> values) {
-  return std::ranges::adjacent_find(values, std::not_equal_to{}) == values.end();
-}
+// Refuses a request of a kind that only one server can answer.
+[[noreturn]] void refuse_verb(const wire::Request& request);
 
 inline bool last_of_step(const wire::Downscale& step) {
   return step.part == step.parts;
@@ -60,12 +58,13 @@ inline bool last_of_step(const wire::Downscale& step) {
 
 class ShardedSession {
  public:
-  // `shards`: the sessions opened or resumed, in the order of the shards, with their nodes. `node_ids`: the order of the
-  // rows; empty: ascending in the ids if each shard has its nodes in ascending order.
+  // `shards`: the sessions in the order of the shards, with their nodes; resumed, or to be opened by the first request.
+  // `node_ids`: the order of the rows; empty: ascending in the ids if each shard has its nodes in ascending order.
   ShardedSession(ShardLinks& links, std::vector<std::unique_ptr<SessionState>> shards,
                  std::vector<std::uint64_t> node_ids);
 
   Received call(const wire::Request& request);
+  bool under_way() const { return operation_.has_value(); }  // after a fault: whether the same call goes on
   Received read_profiles(const wire::Request& request);
   void post(const wire::Request& request);
   // Sends a part of a step to the shards before they have answered the part before it.
@@ -77,6 +76,8 @@ class ShardedSession {
   // now; a trial that does not stand on all shards is rolled back.
   void reconcile(std::span<const wire::SessionResumed> positions);
   wire::SessionResumed position() const;
+  // Joins the columns of nodes of the replies to the resumption, one per shard, in the order of node_ids().
+  Batch join_nodes(std::span<const Received> replies) const;
   const std::vector<std::uint64_t>& node_ids() const { return *node_ids_; }
 
  private:
@@ -84,9 +85,11 @@ class ShardedSession {
   using Body = decltype(wire::Request::body);
   struct Shard {
     std::unique_ptr<SessionState> session;
-    std::vector<std::uint32_t> rows;  // row of each of its nodes, in the order of the shard's session
-    // Of the operation under way:
-    std::vector<std::uint32_t> named_rows;  // the shard's rows of a step that names its nodes
+    std::vector<std::uint32_t> rows;            // row of each of its nodes, in the order of the shard's session
+    std::optional<wire::SessionClosed> closed;  // what it has answered to the closing request
+  };
+  struct Asked {                            // of a shard, in an operation
+    std::vector<std::uint32_t> named_rows;  // the shard's rows of a request that names its nodes
     wire::Request request;                  // the last one
     bool open = false;                      // it has no answer yet
     std::optional<Received> reply;          // to the last request
@@ -104,37 +107,42 @@ class ShardedSession {
     bool commits_previous = false;
     Stage stage = Stage::kAsked;
     std::optional<Error> refusal;
+    std::vector<Asked> asked;  // of each shard
   };
-  struct Ahead {  // a part that was sent behind the part under way, or behind the last one
-    Operation operation;
-    std::vector<wire::Request> requests;                 // to each shard
-    std::vector<std::vector<std::uint32_t>> named_rows;  // of each shard
+  // The rows that a shard has answered, and their places in the order of the host.
+  struct Answered {
+    std::size_t shard;
+    const Batch& columns;
+    std::span<const std::uint32_t> places;
   };
 
   void begin(const wire::Request& request, std::uint64_t hash);
+  Operation operation_of(const wire::Request& request, std::uint64_t hash) const;
   void begin_ahead();
   void settle_ahead();
   void drain();
   void undo();
+  void begin_opening(const wire::Request& request, const wire::OpenSession& opening);
   void begin_step(const wire::Request& request, const wire::Downscale& step);
   void begin_nodes(const wire::Request& request, bool leaving);
   Received complete();
-  void ask(Shard& shard, Body body, Batch batch = {});
+  void ask(std::size_t shard, Body body, Batch batch = {});
   void ask_all(const Body& body);
   void post_all();
   void settle();
   bool go_on();
   void go_back();
   Received join();
-  Batch join_rows(std::span<Received* const> replies) const;
-  wire::Upscale join_steps(std::span<Received* const> replies);
+  void join_step(const wire::Downscale& step, Received& joined);
+  static Batch join_rows(std::span<const Answered> answers, std::size_t rows, std::size_t values_per_row = 1);
   bool place(std::shared_ptr<const Ids> order);
   Ids merged() const;
-  std::uint64_t same_version(std::span<const std::uint64_t> versions);
+  bool agree(std::span<const std::uint64_t> versions);
+  [[noreturn]] void refuse_torn() const;
   template <typename Answer>
   std::uint64_t version_of_all();
-  std::span<const std::uint32_t> rows_in(const Shard& shard) const {
-    return operation_->named ? shard.named_rows : shard.rows;
+  std::span<const std::uint32_t> rows_in(const Operation& step, std::size_t shard) const {
+    return step.named ? step.asked[shard].named_rows : shards_[shard].rows;
   }
 
   ShardLinks& links_;
@@ -142,7 +150,7 @@ class ShardedSession {
   std::shared_ptr<const Ids> node_ids_;
   std::map<std::string, std::shared_ptr<const Ids>> marks_;  // order of the rows at each mark
   std::optional<Operation> operation_;
-  std::optional<Ahead> ahead_;
+  std::optional<Operation> ahead_;  // a part that was sent behind the part under way, or behind the last one
   std::uint64_t last_sequence_ = 0;
   std::uint64_t state_version_ = 0;
   bool trial_stands_ = false;

@@ -269,6 +269,21 @@ TEST(Shards, ThatAreMissingLeaveTheCallToBeRepeated) {
   EXPECT_EQ(fault_of([&] { session.commit(); }).code, Code::kNothingToCommit);
 }
 
+TEST(Shards, ThatAreMissingLeaveTheOpeningToBeRepeated) {
+  Servers servers(2);
+  Client client = servers.client({0, 1});
+  servers.connections[1]->is_gone = true;
+  EXPECT_EQ(fault_of([&] { open(client, "run"); }).code, Code::kUnknownOutcome);
+  servers.connections[1]->is_gone = false;
+  const Session session = open(client, "run");  // the same one: on shard 0 its nodes have no other owner
+  EXPECT_EQ(session.node_ids, kNodes);
+  // A refusal counts, whatever the others answer, and the next opening is another one.
+  servers.connections[1]->is_gone = true;
+  EXPECT_EQ(fault_of([&] { open(client, "run"); }).code, Code::kNodeOwned);
+  servers.connections[1]->is_gone = false;
+  EXPECT_EQ(fault_of([&] { open(client, "run", support::node_ids(4, 900)); }).code, Code::kOk);
+}
+
 TEST(Shards, GetEachPartBeforeTheyHaveAnsweredThePartBefore) {
   Servers servers(3);
   Client alone = servers.client({2});
