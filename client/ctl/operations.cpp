@@ -3,9 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstddef>
 #include <future>
-#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -23,54 +21,25 @@ void show(const char* what, const std::string& value) {
   fmt::print("{:<12} {}\n", what, value);
 }
 
-nlohmann::ordered_json json_of(const Told& told) {
-  const wire::ServerStatus& s = told.status;
-  auto regimes = nlohmann::ordered_json::object();
-  for (const auto& [regime, nodes] : regimes_of(s)) regimes[regime] = nodes;
-  nlohmann::ordered_json json = {{"server_version", s.server_version},
-                                 {"uptime_s", seconds(s.uptime_ns)},
-                                 {"threads", s.threads},
-                                 {"sessions", s.sessions},
-                                 {"nodes", s.nodes},
-                                 {"state_bytes", s.state_bytes},
-                                 {"requests", s.requests},
-                                 {"refused", s.refused},
-                                 {"replayed", s.replayed},
-                                 {"node_steps", s.node_steps},
-                                 {"solver_s", seconds(s.solver_ns)},
-                                 {"draining", s.draining},
-                                 {"regimes", regimes}};
+Json json_of(const Told& told) {
+  Json json = fields_of(told.status, {"server_version", "uptime_s", "threads", "sessions", "nodes", "state_bytes",
+                                      "requests", "refused", "replayed", "node_steps", "solver_s", "draining"});
+  json["regimes"] = Json::object();
+  for (const auto& [regime, nodes] : regimes_of(told.status)) json["regimes"][regime] = nodes;
   if (told.is_operator)
-    json.update({{"checkpoints", s.checkpoints},
-                 {"journal_bytes", s.journal_bytes},
-                 {"longest_turn_s", seconds(s.longest_turn_ns)},
-                 {"resident_bytes", s.resident_bytes},
-                 {"open_files", s.open_files}});
+    json.update(
+        fields_of(told.status, {"checkpoints", "journal_bytes", "longest_turn_s", "resident_bytes", "open_files"}));
   return json;
 }
 
-void show_json(const wire::SessionInfo& s) {
-  const nlohmann::ordered_json line = {{"session", wire::hexadecimal(s.session_id)},
-                                       {"name", s.name},
-                                       {"identity", s.identity},
-                                       {"domain", s.domain},
-                                       {"nodes", s.nodes},
-                                       {"state_version", s.state_version},
-                                       {"last_sequence", s.last_sequence},
-                                       {"trial_stands", s.trial_stands},
-                                       {"age_s", seconds(s.age_ns)},
-                                       {"idle_s", seconds(s.idle_ns)},
-                                       {"idle_limit_s", s.idle_limit_s},
-                                       {"state_bytes", s.state_bytes},
-                                       {"node_steps", s.node_steps},
-                                       {"solver_s", seconds(s.solver_ns)}};
-  fmt::print("{}\n", line.dump());
+double megabytes(const Json& answer, const char* field) {
+  return static_cast<double>(count(answer, field)) / (1 << 20);
 }
 
-const wire::SessionInfo& find(const std::vector<wire::SessionInfo>& sessions, const std::string& wanted) {
-  const wire::SessionInfo* found = nullptr;
-  for (const wire::SessionInfo& session : sessions) {
-    if (!wanted.empty() && !wire::hexadecimal(session.session_id).starts_with(wanted) && session.name != wanted)
+const Json& find(const Json& sessions, const std::string& wanted) {
+  const Json* found = nullptr;
+  for (const Json& session : sessions) {
+    if (!wanted.empty() && !text(session, "session_id").starts_with(wanted) && text(session, "name") != wanted)
       continue;
     if (found != nullptr && wanted.empty())
       throw std::runtime_error(
@@ -90,30 +59,41 @@ const wire::SessionInfo& find(const std::vector<wire::SessionInfo>& sessions, co
 }
 
 // Refuses to close a session that may still be at work.
-void check_idle(const wire::SessionInfo& session, double idle_s) {
-  if (seconds(session.idle_ns) >= idle_s) return;
+void check_idle(const Json& session, double idle_s) {
+  if (seconds(session, "idle_ns") >= idle_s) return;
   throw std::runtime_error(
       fmt::format("session {} was at work {:.1f} s ago: it is closed only after {} s without a "
                   "request (--idle), for its states are lost then",
-                  wire::hexadecimal(session.session_id), seconds(session.idle_ns), idle_s));
+                  text(session, "session_id"), seconds(session, "idle_ns"), idle_s));
 }
 
 // A session whose texts, which are its user's, are as a terminal may have them.
-wire::SessionInfo printable(wire::SessionInfo session) {
-  for (std::string* text : {&session.name, &session.identity, &session.domain})
-    *text = wire::printable(*text, wire::kMaxTextBytes);
+Json printable(Json session) {
+  for (const char* const field : {"name", "identity", "domain"})
+    session[field] = wire::printable(text(session, field), wire::kMaxTextBytes);
   return session;
 }
 
-void close_one(Operator& server, const wire::SessionInfo& session) {
-  const wire::SessionClosed closed = server.close(session);
-  const wire::SessionInfo shown = printable(session);
-  fmt::print("{} closed: \"{}\" of {}, {}, {}; its states are gone\n", wire::hexadecimal(session.session_id),
-             shown.name, shown.identity, wire::counted(session.nodes, "node"),
-             wire::counted(closed.requests, "request"));
+void close_one(Operator& server, const Json& session) {
+  const std::string id = text(session, "session_id");
+  shearbus_question question = SHEARBUS_QUESTION_INIT;
+  question.what = SHEARBUS_ASK_CLOSE;
+  question.session = id.c_str();
+  question.last_sequence = count(session, "last_sequence");  // as sessions_of() told it
+  const Json closed = server.ask(question), shown = printable(session);
+  fmt::print("{} closed: \"{}\" of {}, {}, {}; its states are gone\n", id, text(shown, "name"), text(shown, "identity"),
+             wire::counted(count(session, "nodes"), "node"), wire::counted(count(closed, "requests"), "request"));
 }
 
 }  // namespace
+
+Json fields_of(const Json& answer, const std::vector<std::string>& names) {
+  Json fields;
+  for (const std::string& name : names)
+    fields[name] = answer.contains(name) ? answer.at(name)
+                                         : Json(seconds(answer, (name.substr(0, name.size() - 1) + "ns").c_str()));
+  return fields;
+}
 
 std::optional<double> quantile(std::span<const std::uint64_t> counts, double share) {
   std::uint64_t all = 0;
@@ -138,61 +118,69 @@ std::string duration(const std::optional<double>& seconds) {
   return s < 3 * 3600.0 ? fmt::format("{:.0f} min", s / 60) : fmt::format("{:.1f} h", s / 3600);
 }
 
-std::vector<std::pair<std::string, std::uint64_t>> regimes_of(const wire::ServerStatus& status) {
+std::vector<std::pair<std::string, std::uint64_t>> regimes_of(const Json& status) {
   std::vector<std::pair<std::string, std::uint64_t>> counts;
-  for (std::size_t r = 0; r < std::min(status.regimes.size(), wire::kRegimeCount); ++r)
-    counts.emplace_back(wire::regime_name(r), status.regimes[r]);
+  const auto told = status.at("regimes").get<std::vector<std::uint64_t>>();
+  for (std::size_t r = 0; r < std::min(told.size(), wire::kRegimeCount); ++r)
+    counts.emplace_back(wire::regime_name(r), told[r]);
   return counts;
 }
 
 void show_ping(const Operator& server, const std::string& endpoint, double answered_ms) {
-  const auto& welcome = server.welcome();
+  const Json& welcome = server.welcome();
   fmt::print("{}: server {}, protocol {}.{}, knows you by {}, answered in {:.1f} ms\n", endpoint,
-             welcome.server_version, welcome.protocol_major, welcome.protocol_minor, welcome.access, answered_ms);
+             text(welcome, "server_version"), count(welcome, "protocol_major"), count(welcome, "protocol_minor"),
+             text(welcome, "access"), answered_ms);
 }
 
 Told told_by(Operator& server) {
-  const std::vector<std::string>& can = server.welcome().capabilities;
-  const auto knows = [&](const char* capability) { return std::ranges::find(can, capability) != can.end(); };
-  return {.status = server.server_status(),
-          .is_operator = knows("operator"),
-          .is_durable = server.welcome().durability != "none"};
+  const Json& can = server.welcome().at("capabilities");
+  return {.status = server.ask(SHEARBUS_ASK_STATUS),
+          .is_operator = std::find(can.begin(), can.end(), "operator") != can.end(),
+          .is_durable = text(server.welcome(), "durability") != "none"};
 }
 
 void show_status(const Told& told, bool json) {
-  const wire::ServerStatus& s = told.status;
+  const Json& s = told.status;
   if (json) return fmt::print("{}\n", json_of(told).dump());
-  show("server", fmt::format("{} ({} threads), up {:.0f} s{}", s.server_version, s.threads, seconds(s.uptime_ns),
-                             s.draining ? ", draining: no new sessions" : ""));
-  show("sessions", fmt::format("{}{} with {}, {:.1f} MB of states", s.sessions, told.is_operator ? "" : " of yours",
-                               wire::counted(s.nodes, "node"), static_cast<double>(s.state_bytes) / (1 << 20)));
+  const auto number = [&](const char* field) { return count(s, field); };
+  show("server", fmt::format("{} ({} threads), up {:.0f} s{}", text(s, "server_version"), number("threads"),
+                             seconds(s, "uptime_ns"), flag(s, "draining") ? ", draining: no new sessions" : ""));
+  show("sessions",
+       fmt::format("{}{} with {}, {:.1f} MB of states", number("sessions"), told.is_operator ? "" : " of yours",
+                   wire::counted(number("nodes"), "node"), megabytes(s, "state_bytes")));
   std::string regimes;
   for (const auto& [regime, nodes] : regimes_of(s))
     regimes += fmt::format("{}{} {}", regimes.empty() ? "" : ", ", regime, nodes);
   if (!regimes.empty()) show("regimes", regimes);
-  show("requests", fmt::format("{} ({} refused, {} repeated)", s.requests, s.refused, s.replayed));
-  for (const wire::Refusals& refusals : s.refusals)
-    show("", fmt::format("refused {}: {}", name(static_cast<wire::Code>(refusals.code)), refusals.count));
-  const double per_step_ns =
-      s.node_steps == 0 ? 0.0 : static_cast<double>(s.solver_ns) / static_cast<double>(s.node_steps);
+  show("requests",
+       fmt::format("{} ({} refused, {} repeated)", number("requests"), number("refused"), number("replayed")));
+  for (const Json& refusals : s.at("refusals"))
+    show("", fmt::format("refused {}: {}", name(static_cast<Code>(count(refusals, "code"))), count(refusals, "count")));
+  const auto node_steps = static_cast<double>(number("node_steps"));
   show("node-steps",
-       fmt::format("{} in {:.3f} s of solver time ({:.0f} ns each)", s.node_steps, seconds(s.solver_ns), per_step_ns));
-  for (const wire::Histogram& histogram : s.histograms)
-    if (histogram.verb == "downscale" || histogram.name.starts_with("journal") || histogram.name == "checkpoint")
-      show(histogram.verb.empty() ? histogram.name.c_str() : histogram.verb.c_str(),
-           fmt::format("half below {}, 99 % below {}", duration(quantile(histogram.counts, 0.5)),
-                       duration(quantile(histogram.counts, 0.99))));
+       fmt::format("{} in {:.3f} s of solver time ({:.0f} ns each)", number("node_steps"), seconds(s, "solver_ns"),
+                   node_steps == 0 ? 0.0 : static_cast<double>(number("solver_ns")) / node_steps));
+  for (const Json& histogram : s.at("histograms")) {
+    const std::string name = text(histogram, "name"), verb = text(histogram, "verb");
+    if (verb != "downscale" && !name.starts_with("journal") && name != "checkpoint") continue;
+    const auto counts = histogram.at("counts").get<std::vector<std::uint64_t>>();
+    show(
+        verb.empty() ? name.c_str() : verb.c_str(),
+        fmt::format("half below {}, 99 % below {}", duration(quantile(counts, 0.5)), duration(quantile(counts, 0.99))));
+  }
   if (!told.is_operator) return show("", "all users, journal and process: told to operators");
-  show("journal", told.is_durable ? fmt::format("{} requests, {:.1f} MB; {} checkpoints ({} failed)", s.journal_records,
-                                                static_cast<double>(s.journal_bytes) / (1 << 20), s.checkpoints,
-                                                s.checkpoints_failed)
-                                  : "none: the server was started without --state-dir");
-  show("connections", fmt::format("{} admitted, {} refused{}", s.connections_admitted, s.connections_refused,
-                                  s.admitting ? "" : "; NOBODY NEW IS ADMITTED: restart the server"));
+  show("journal", told.is_durable
+                      ? fmt::format("{} requests, {:.1f} MB; {} checkpoints ({} failed)", number("journal_records"),
+                                    megabytes(s, "journal_bytes"), number("checkpoints"), number("checkpoints_failed"))
+                      : "none: the server was started without --state-dir");
+  show("connections",
+       fmt::format("{} admitted, {} refused{}", number("connections_admitted"), number("connections_refused"),
+                   flag(s, "admitting") ? "" : "; NOBODY NEW IS ADMITTED: restart the server"));
   show("turns", fmt::format("one request kept the others waiting for {:.0f} ms of processor time at most",
-                            1e-6 * static_cast<double>(s.longest_turn_ns)));
-  show("process", fmt::format("{:.1f} MB resident, {} of {} files open",
-                              static_cast<double>(s.resident_bytes) / (1 << 20), s.open_files, s.max_open_files));
+                            1e-6 * static_cast<double>(number("longest_turn_ns"))));
+  show("process", fmt::format("{:.1f} MB resident, {} of {} files open", megabytes(s, "resident_bytes"),
+                              number("open_files"), number("max_open_files")));
 }
 
 ServerList servers_of(const std::filesystem::path& directory) {
@@ -212,23 +200,21 @@ bool show_all(const std::filesystem::path& directory, bool json, const StatusOf&
   for (auto& [name, answer] : asked) {
     try {
       const Told told = answer.get();
-      const wire::ServerStatus& s = told.status;
+      const Json& s = told.status;
       if (json) {
-        nlohmann::ordered_json line = {{"file", name}};
+        Json line = {{"file", name}};
         line.update(json_of(told));
         fmt::print("{}\n", line.dump());
       } else {
-        fmt::print("{:<20} {}{} with {}, {} ({} refused), up {:.0f} s{}\n", name, wire::counted(s.sessions, "session"),
-                   told.is_operator ? "" : " of yours", wire::counted(s.nodes, "node"),
-                   wire::counted(s.requests, "request"), s.refused, seconds(s.uptime_ns),
-                   s.draining ? ", draining" : "");
+        fmt::print("{:<20} {}{} with {}, {} ({} refused), up {:.0f} s{}\n", name,
+                   wire::counted(count(s, "sessions"), "session"), told.is_operator ? "" : " of yours",
+                   wire::counted(count(s, "nodes"), "node"), wire::counted(count(s, "requests"), "request"),
+                   count(s, "refused"), seconds(s, "uptime_ns"), flag(s, "draining") ? ", draining" : "");
       }
     } catch (const Error& fault) {
       all_answer = false;
       if (json)
-        fmt::print(
-            "{}\n",
-            nlohmann::ordered_json{{"file", name}, {"fault", wire::printable(fault.what(), kLongestFault)}}.dump());
+        fmt::print("{}\n", Json{{"file", name}, {"fault", wire::printable(fault.what(), kLongestFault)}}.dump());
       else
         fmt::print("{:<20} {}\n", name, wire::printable(fault.what(), kLongestFault));
     }
@@ -236,61 +222,89 @@ bool show_all(const std::filesystem::path& directory, bool json, const StatusOf&
   return all_answer;
 }
 
+Json sessions_of(Operator& server) {
+  return server.ask(SHEARBUS_ASK_SESSIONS).at("sessions");
+}
+
 void show_sessions(Operator& server, bool json) {
-  const auto sessions = server.sessions();
   if (!json)
     fmt::print("{:<32} {:>8} {:>8} {:>9} {:>8} {:>8}  {}\n", "session", "nodes", "version", "last seq", "age, s",
                "idle, s", "scene, opened by");
-  for (const wire::SessionInfo& session : sessions) {
-    const wire::SessionInfo s = json ? session : printable(session);
-    if (json)
-      show_json(s);
-    else
-      fmt::print("{:<32} {:>8} {:>8} {:>9} {:>8.0f} {:>8.0f}  {}, {}{}\n", wire::hexadecimal(s.session_id), s.nodes,
-                 s.state_version, s.last_sequence, seconds(s.age_ns), seconds(s.idle_ns), s.name, s.identity,
-                 (s.domain.empty() ? "" : ", domain " + s.domain) + (s.trial_stands ? ", a trial stands" : ""));
+  for (const Json& session : sessions_of(server)) {
+    if (json) {
+      Json line = {{"session", session.at("session_id")}};
+      line.update(
+          fields_of(session, {"name", "identity", "domain", "nodes", "state_version", "last_sequence", "trial_stands",
+                              "age_s", "idle_s", "idle_limit_s", "state_bytes", "node_steps", "solver_s"}));
+      fmt::print("{}\n", line.dump());
+      continue;
+    }
+    const Json s = printable(session);
+    const std::string domain = text(s, "domain");
+    fmt::print("{:<32} {:>8} {:>8} {:>9} {:>8.0f} {:>8.0f}  {}, {}{}\n", text(s, "session_id"), count(s, "nodes"),
+               count(s, "state_version"), count(s, "last_sequence"), seconds(s, "age_ns"), seconds(s, "idle_ns"),
+               text(s, "name"), text(s, "identity"),
+               (domain.empty() ? "" : ", domain " + domain) + (flag(s, "trial_stands") ? ", a trial stands" : ""));
   }
 }
 
-void show_top(Operator& server, const std::string& session, wire::Top by, std::uint32_t count) {
-  const auto sessions = server.sessions();
-  const TopNodes top = server.top_nodes(find(sessions, session).session_id, by, count);
-  fmt::print("{} ({}, version {}): {} of {}\n", printable(top.session).name, wire::counted(top.session.nodes, "node"),
-             top.session.state_version, top.node_ids.size(), top.matching);
-  const bool sliding = !top.sliding_velocity_m_per_s.empty();
+Json top_nodes(Operator& server, const Json& session, wire::Top by, std::uint32_t count) {
+  const std::string id = text(session, "session_id");
+  shearbus_question question = SHEARBUS_QUESTION_INIT;
+  question.what = SHEARBUS_ASK_TOP;
+  question.session = id.c_str();
+  question.top = static_cast<int>(by);
+  question.count = count;
+  return server.ask(question);
+}
+
+void show_top(Operator& server, const std::string& session, wire::Top by, std::uint32_t most) {
+  const Json top = top_nodes(server, find(sessions_of(server), session), by, most);
+  const Json shown = printable(top.at("session")), ids = top.value("node_id", Json::array());
+  fmt::print("{} ({}, version {}): {} of {}\n", text(shown, "name"), wire::counted(count(shown, "nodes"), "node"),
+             count(shown, "state_version"), ids.size(), count(top, "matching"));
+  const char* const velocity = wire::name(wire::Field::kSlidingVelocity);
+  const bool sliding = top.contains(velocity);
+  const auto value = [&](wire::Field column, std::size_t node) {
+    return top.at(wire::name(column))[node].get<double>();
+  };
   fmt::print("{:>20} {:>12} {:>14} {:>8}{}\n", "node", "T0, K", "s, MPa", "regime", sliding ? "       [v], m/s" : "");
-  for (std::size_t i = 0; i < top.node_ids.size(); ++i) {
-    fmt::print("{:>20} {:>12.3f} {:>14.6f} {:>8}", top.node_ids[i], top.interface_temperature_k[i],
-               1e-6 * top.shear_stress_pa[i], wire::regime_name(top.regime[i]));
-    if (sliding) fmt::print(" {:>14.6f}", top.sliding_velocity_m_per_s[i]);
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    fmt::print("{:>20} {:>12.3f} {:>14.6f} {:>8}", ids[i].get<std::uint64_t>(),
+               value(wire::Field::kInterfaceTemperature, i), 1e-6 * value(wire::Field::kShearStress, i),
+               wire::regime_name(top.at("regime")[i].get<std::uint64_t>()));
+    if (sliding) fmt::print(" {:>14.6f}", value(wire::Field::kSlidingVelocity, i));
     fmt::print("\n");
   }
 }
 
 void close(Operator& server, const std::string& session, double idle_s) {
-  const auto sessions = server.sessions();
-  const wire::SessionInfo& found = find(sessions, session);
+  const Json sessions = sessions_of(server);
+  const Json& found = find(sessions, session);
   check_idle(found, idle_s);
   close_one(server, found);
 }
 
 void close_domain(Operator& server, const std::string& domain, double idle_s) {
-  std::vector<wire::SessionInfo> sessions = server.sessions();
-  std::erase_if(sessions, [&](const wire::SessionInfo& session) { return session.domain != domain; });
+  std::vector<Json> sessions;
+  for (Json& session : sessions_of(server))
+    if (text(session, "domain") == domain) sessions.push_back(std::move(session));
   if (sessions.empty()) throw std::runtime_error(fmt::format("no open session is in domain \"{}\"", domain));
-  for (const wire::SessionInfo& session : sessions) check_idle(session, idle_s);
-  for (const wire::SessionInfo& session : sessions) close_one(server, session);
+  for (const Json& session : sessions) check_idle(session, idle_s);
+  for (const Json& session : sessions) close_one(server, session);
 }
 
 void checkpoint(Operator& server) {
-  const wire::Checkpointed written = server.checkpoint();
-  fmt::print("checkpoint of {:.1f} MB in {:.3f} s\n", static_cast<double>(written.bytes) / (1 << 20),
-             seconds(written.duration_ns));
+  const Json written = server.ask(SHEARBUS_ASK_CHECKPOINT);
+  fmt::print("checkpoint of {:.1f} MB in {:.3f} s\n", megabytes(written, "bytes"), seconds(written, "duration_ns"));
 }
 
 void drain(Operator& server, bool exit, std::uint64_t within_s) {
-  const wire::Draining draining = server.drain(exit, within_s);
-  fmt::print("no new sessions; open now: {}{}{}\n", draining.sessions,
+  shearbus_question question = SHEARBUS_QUESTION_INIT;
+  question.what = SHEARBUS_ASK_DRAIN;
+  question.exit = exit ? 1 : 0;
+  question.within_s = within_s;
+  fmt::print("no new sessions; open now: {}{}{}\n", count(server.ask(question), "sessions"),
              exit ? ", and the server ends with the last" : "",
              within_s != 0 ? fmt::format(" or in {} s", within_s) : "");
 }

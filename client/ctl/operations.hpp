@@ -14,10 +14,8 @@
 
 namespace shearbus::ctl {
 
-// The quotient is the double nearest to the exact decimal fraction, and is therefore printed as this fraction.
-inline double seconds(std::uint64_t ns) {
-  return static_cast<double>(ns) / 1e9;
-}
+// Fields of an answer by their names. NAME_s that the answer has as NAME_ns is a time, converted to seconds.
+Json fields_of(const Json& answer, const std::vector<std::string>& names);
 
 // Returns the time in seconds below which at least the fraction `share` of the counts of a histogram lies: the upper
 // bound of a bucket. Nothing without counts.
@@ -26,14 +24,14 @@ std::optional<double> quantile(std::span<const std::uint64_t> counts, double sha
 std::string duration(const std::optional<double>& seconds);
 
 // Numbers of nodes by the name of their regime, in the order of the regimes; empty if the server does not tell them.
-std::vector<std::pair<std::string, std::uint64_t>> regimes_of(const wire::ServerStatus& status);
+std::vector<std::pair<std::string, std::uint64_t>> regimes_of(const Json& status);
 
 void show_ping(const Operator& server, const std::string& endpoint, double answered_ms);
 
 // What a server tells. A user who is no operator is told nothing about other users, the journal and the process: the
-// fields of `status` about these are zero.
+// fields of `status`, a ServerStatus, about these are zero.
 struct Told {
-  wire::ServerStatus status;
+  Json status;
   bool is_operator = false;
   bool is_durable = false;
 };
@@ -49,6 +47,11 @@ ServerList servers_of(const std::filesystem::path& directory);
 // if one does not answer. All are asked at once, each on a thread.
 bool show_all(const std::filesystem::path& directory, bool json, const StatusOf& status_of);
 void show_sessions(Operator& server, bool json);
+// The SessionInfo of all open sessions.
+Json sessions_of(Operator& server);
+// The nodes of a session that rank highest: its `session`, how many nodes are `matching`, and the columns of `count` of
+// them by their names on the wire, without any where no node qualifies.
+Json top_nodes(Operator& server, const Json& session, wire::Top by, std::uint32_t count);
 // `session`: the first digits of a session id, or the name of its scene; may be empty if there is only one session.
 void show_top(Operator& server, const std::string& session, wire::Top by, std::uint32_t count);
 // Closes the session with this start of its id, or this scene name, if it has been idle for `idle_s` seconds or more.

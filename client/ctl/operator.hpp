@@ -1,12 +1,14 @@
-// An operator's connection to a server, over the interface that hosts use (shearbus/client.hpp), with answers as the
-// messages of the wire.
+// An operator's connection to a server, over the interface that hosts use (shearbus/client.hpp). An answer is an object of
+// JSON with the fields of its message in shearbus/v1/control.proto.
 #pragma once
 
 #include <cstdint>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "client/include/shearbus/shearbus.h"
 #include "proto/files/key_file.hpp"
 #include "proto/wire/messages.hpp"
 
@@ -14,38 +16,40 @@ namespace shearbus::ctl {
 
 using wire::Code;
 using wire::Error;
+using Json = nlohmann::ordered_json;
 
-// The nodes of a session that rank highest. The sliding velocity is filled for Top::kFastest only.
-struct TopNodes {
-  wire::SessionInfo session;
-  std::uint64_t matching = 0;  // number of nodes that qualify, including those beyond the ones asked for
-  std::vector<std::uint64_t> node_ids;
-  std::vector<double> interface_temperature_k;
-  std::vector<double> shear_stress_pa;
-  std::vector<double> sliding_velocity_m_per_s;
-  std::vector<std::uint32_t> regime;
-};
+// A field of an answer. The library of this program gives an answer all fields of its message.
+inline std::uint64_t count(const Json& answer, const char* field) {
+  return answer.at(field).get<std::uint64_t>();
+}
+inline std::string text(const Json& answer, const char* field) {
+  return answer.at(field).get<std::string>();
+}
+inline bool flag(const Json& answer, const char* field) {
+  return answer.at(field).get<bool>();
+}
+// The quotient is the double nearest to the exact decimal fraction, and is therefore printed as this fraction.
+inline double seconds(std::uint64_t ns) {
+  return static_cast<double>(ns) / 1e9;
+}
+inline double seconds(const Json& answer, const char* field_ns) {
+  return seconds(count(answer, field_ns));
+}
 
 // All calls throw Error.
 class Operator {
  public:
   // `once`: a request is not repeated before the deadline; a server would make a repeated checkpoint once more.
   Operator(const files::ServerAddress& server, double deadline_s, bool once);
-  Operator(Operator&&) noexcept;
-  Operator& operator=(Operator&&) noexcept;
-  ~Operator();
 
-  const wire::Welcome& welcome() const;
-  wire::ServerStatus server_status();
-  std::vector<wire::SessionInfo> sessions();
-  TopNodes top_nodes(const wire::SessionId& session, wire::Top by, std::uint32_t count);
-  wire::SessionClosed close(const wire::SessionInfo& session);  // as sessions() told it
-  wire::Checkpointed checkpoint();
-  wire::Draining drain(bool exit, std::uint64_t within_s);
+  const Json& welcome() const { return welcome_; }
+  Json ask(const shearbus_question& question);
+  Json ask(int what);
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  struct Door;
+  std::shared_ptr<Door> door_;
+  Json welcome_;
 };
 
 // What the server says of a scene, of which it opens a session in this process.

@@ -29,21 +29,30 @@ using prometheus::ClientMetric;
 using prometheus::MetricFamily;
 using prometheus::MetricType;
 
-// Collects metric families in the order in which they are printed.
+// Collects metric families in the order in which they are printed: those of fields of the server's status by the names
+// of the fields, as a time in ns NAME_ns that is NAME_seconds here, and counters with _total behind.
 class Metrics {
  public:
+  explicit Metrics(const Json& status) : status_(status) {}
   MetricFamily& add(const std::string& name, MetricType type, const char* help) {
     return families_.emplace_back(MetricFamily{.name = "shearbus_" + name, .help = help, .type = type, .metric = {}});
   }
-  void gauge(const char* name, const char* help, double value) {
-    add(name, MetricType::Gauge, help).metric.emplace_back().gauge.value = value;
+  void gauge(const std::string& field, const char* help) {
+    const Json& value = status_.at(field);
+    const bool time = field.ends_with("_ns");
+    MetricFamily& family = add(time ? field.substr(0, field.size() - 2) + "seconds" : field, MetricType::Gauge, help);
+    family.metric.emplace_back().gauge.value = value.is_boolean() ? value.get<bool>()
+                                               : time             ? seconds(value.get<std::uint64_t>())
+                                                                  : value.get<double>();
   }
-  void counter(const char* name, const char* help, double value) {
-    add(name, MetricType::Counter, help).metric.emplace_back().counter.value = value;
+  void counter(const std::string& field, const char* help) {
+    add(field + "_total", MetricType::Counter, help).metric.emplace_back().counter.value =
+        status_.at(field).get<double>();
   }
   std::vector<MetricFamily> families() && { return std::move(families_); }
 
  private:
+  const Json& status_;
   std::vector<MetricFamily> families_;
 };
 
@@ -53,89 +62,82 @@ ClientMetric& labelled(MetricFamily& family, const char* label, const std::strin
   return metric;
 }
 
-ClientMetric as_metric(const wire::Histogram& histogram) {
+ClientMetric as_metric(const Json& histogram) {
   ClientMetric metric;
-  if (!histogram.verb.empty()) metric.label.push_back({"verb", histogram.verb});
+  if (const std::string verb = text(histogram, "verb"); !verb.empty()) metric.label.push_back({"verb", verb});
   std::uint64_t count = 0;
   std::uint64_t bound_ns = wire::kHistogramBaseNs;
-  for (std::size_t i = 0; i < histogram.counts.size(); ++i, bound_ns *= 2) {
-    count += histogram.counts[i];
-    const bool last = i + 1 == histogram.counts.size();
+  const auto counts = histogram.at("counts").get<std::vector<std::uint64_t>>();
+  for (std::size_t i = 0; i < counts.size(); ++i, bound_ns *= 2) {
+    count += counts[i];
+    const bool last = i + 1 == counts.size();
     metric.histogram.bucket.push_back(
         {.cumulative_count = count, .upper_bound = last ? std::numeric_limits<double>::infinity() : seconds(bound_ns)});
   }
   metric.histogram.sample_count = count;
-  metric.histogram.sample_sum = seconds(histogram.sum_ns);
+  metric.histogram.sample_sum = seconds(histogram, "sum_ns");
   return metric;
 }
 
-struct Known {
-  const char* name;
-  const char* help;
-};
-constexpr Known kHistograms[] = {{"request", "From a request's arrival to its answer"},
-                                 {"solver", "In the layers, of a step"},
-                                 {"journal_append", "Writing a request to the journal"},
-                                 {"journal_sync", "Bringing the journal to the disk"},
-                                 {"checkpoint", "Writing a checkpoint and reading it back"}};
-
-double number(std::uint64_t value) {
-  return static_cast<double>(value);
-}
+constexpr std::pair<const char*, const char*> kHistograms[] = {
+    {"request", "From a request's arrival to its answer"},
+    {"solver", "In the layers, of a step"},
+    {"journal_append", "Writing a request to the journal"},
+    {"journal_sync", "Bringing the journal to the disk"},
+    {"checkpoint", "Writing a checkpoint and reading it back"}};
 
 // What only operators are told.
-void add_server_wide(const wire::ServerStatus& s, Metrics& metrics) {
-  metrics.counter("messages_received_total", "Messages off the socket", number(s.messages_received));
-  metrics.counter("messages_sent_total", "Answers to the socket", number(s.messages_sent));
-  metrics.counter("answers_undeliverable_total", "Answers whose peer had left or did not read",
-                  number(s.answers_undeliverable));
-  metrics.counter("messages_without_user_total", "Messages dropped: nobody had let their peer in",
-                  number(s.messages_without_user));
-  metrics.counter("connections_admitted_total", "Connections let in", number(s.connections_admitted));
-  metrics.counter("connections_refused_total", "Connections refused", number(s.connections_refused));
-  metrics.gauge("admitting", "1: who decides about connections is there", s.admitting ? 1 : 0);
-  metrics.counter("journal_records_total", "Requests written to the journal", number(s.journal_records));
-  metrics.counter("journal_bytes_total", "Bytes written to the journal", number(s.journal_bytes));
-  metrics.gauge("recovered_requests", "Replayed from the journal at the start", number(s.recovered_requests));
-  metrics.counter("checkpoints_total", "Checkpoints written", number(s.checkpoints));
-  metrics.counter("checkpoints_failed_total", "Checkpoints that could not be written", number(s.checkpoints_failed));
-  metrics.gauge("checkpoint_bytes", "Size of the last checkpoint", number(s.checkpoint_bytes));
-  if (s.checkpoint_age_ns != 0)
-    metrics.gauge("checkpoint_age_seconds", "Since the last checkpoint", seconds(s.checkpoint_age_ns));
-  metrics.gauge("longest_turn_seconds", "Longest processor time of a request without a look at the others",
-                seconds(s.longest_turn_ns));
-  metrics.gauge("resident_bytes", "Resident memory of the process", number(s.resident_bytes));
-  metrics.gauge("open_files", "Files the process has open, connections among them", number(s.open_files));
-  metrics.gauge("max_open_files", "Files it may open", number(s.max_open_files));
+void add_server_wide(const Json& status, Metrics& metrics) {
+  metrics.counter("messages_received", "Messages off the socket");
+  metrics.counter("messages_sent", "Answers to the socket");
+  metrics.counter("answers_undeliverable", "Answers whose peer had left or did not read");
+  metrics.counter("messages_without_user", "Messages dropped: nobody had let their peer in");
+  metrics.counter("connections_admitted", "Connections let in");
+  metrics.counter("connections_refused", "Connections refused");
+  metrics.gauge("admitting", "1: who decides about connections is there");
+  metrics.counter("journal_records", "Requests written to the journal");
+  metrics.counter("journal_bytes", "Bytes written to the journal");
+  metrics.gauge("recovered_requests", "Replayed from the journal at the start");
+  metrics.counter("checkpoints", "Checkpoints written");
+  metrics.counter("checkpoints_failed", "Checkpoints that could not be written");
+  metrics.gauge("checkpoint_bytes", "Size of the last checkpoint");
+  if (count(status, "checkpoint_age_ns") != 0) metrics.gauge("checkpoint_age_ns", "Since the last checkpoint");
+  metrics.gauge("longest_turn_ns", "Longest processor time of a request without a look at the others");
+  metrics.gauge("resident_bytes", "Resident memory of the process");
+  metrics.gauge("open_files", "Files the process has open, connections among them");
+  metrics.gauge("max_open_files", "Files it may open");
 }
 
 std::vector<MetricFamily> families_of(const Told& told) {
-  const wire::ServerStatus& s = told.status;
-  Metrics metrics;
-  labelled(metrics.add("build_info", MetricType::Gauge, "The server's version"), "version", s.server_version)
+  const Json& status = told.status;
+  Metrics metrics(status);
+  labelled(metrics.add("build_info", MetricType::Gauge, "The server's version"), "version",
+           text(status, "server_version"))
       .gauge.value = 1;
-  metrics.gauge("uptime_seconds", "Since the start of the server", seconds(s.uptime_ns));
-  metrics.gauge("sessions", "Open sessions", number(s.sessions));
-  metrics.gauge("nodes", "Nodes of all sessions", number(s.nodes));
+  metrics.gauge("uptime_ns", "Since the start of the server");
+  metrics.gauge("sessions", "Open sessions");
+  metrics.gauge("nodes", "Nodes of all sessions");
   MetricFamily& regimes =
       metrics.add("regime_nodes", MetricType::Gauge, "Nodes by the regime of their committed state");
-  for (const auto& [regime, nodes] : regimes_of(s)) labelled(regimes, "regime", regime).gauge.value = number(nodes);
-  metrics.gauge("state_bytes", "Memory of all states", number(s.state_bytes));
-  metrics.gauge("draining", "1: no new sessions", s.draining ? 1 : 0);
-  metrics.counter("requests_total", "Requests that were answered", number(s.requests));
-  metrics.counter("replayed_total", "Answered from the kept reply", number(s.replayed));
-  metrics.counter("refused_total", "Requests that were refused", number(s.refused));
+  for (const auto& [regime, nodes] : regimes_of(status))
+    labelled(regimes, "regime", regime).gauge.value = static_cast<double>(nodes);
+  metrics.gauge("state_bytes", "Memory of all states");
+  metrics.gauge("draining", "1: no new sessions");
+  metrics.counter("requests", "Requests that were answered");
+  metrics.counter("replayed", "Answered from the kept reply");
+  metrics.counter("refused", "Requests that were refused");
   MetricFamily& refusals = metrics.add("refusals_total", MetricType::Counter, "Requests that were refused, by code");
-  for (const wire::Refusals& refused : s.refusals)
-    labelled(refusals, "code", name(static_cast<wire::Code>(refused.code))).counter.value = number(refused.count);
-  metrics.counter("node_steps_total", "Steps of single nodes", number(s.node_steps));
-  if (told.is_operator) add_server_wide(s, metrics);
-  for (const Known& known : kHistograms) {
+  for (const Json& refused : status.at("refusals"))
+    labelled(refusals, "code", name(static_cast<Code>(count(refused, "code")))).counter.value =
+        refused.at("count").get<double>();
+  metrics.counter("node_steps", "Steps of single nodes");
+  if (told.is_operator) add_server_wide(status, metrics);
+  for (const auto& [known, help] : kHistograms) {
     std::vector<ClientMetric> found;
-    for (const wire::Histogram& histogram : s.histograms)
-      if (histogram.name == known.name) found.push_back(as_metric(histogram));
+    for (const Json& histogram : status.at("histograms"))
+      if (text(histogram, "name") == known) found.push_back(as_metric(histogram));
     if (found.empty()) continue;
-    metrics.add(std::string(known.name) + "_seconds", MetricType::Histogram, known.help).metric = std::move(found);
+    metrics.add(std::string(known) + "_seconds", MetricType::Histogram, help).metric = std::move(found);
   }
   return std::move(metrics).families();
 }

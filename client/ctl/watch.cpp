@@ -86,7 +86,7 @@ class Watch {
       report_ = report_of(*sample_, before);
     } catch (const Error& fault) {
       server_.reset();
-      report_ = {.sample = nullptr, .fault = describe(fault.status())};
+      report_ = report_of(fault);
     }
   }
 
@@ -106,7 +106,8 @@ class Watch {
 
   void show() {
     if (screen_) return screen_->draw(options_, report_);
-    fmt::print("{}\n", options_.json ? json_of(report_) : printable(line_of(report_)));
+    fmt::print("{}\n", options_.json ? report_.line.dump(-1, ' ', false, Json::error_handler_t::replace)
+                                     : printable(line_of(report_)));
     static_cast<void>(std::fflush(stdout));
   }
 

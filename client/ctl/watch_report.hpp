@@ -11,42 +11,35 @@
 
 namespace shearbus::ctl {
 
-struct HotNode {
-  std::string session;  // name of its scene, and the first digits of its id
-  std::uint64_t node = 0;
-  double temperature_k = 0.0;
-  std::size_t regime = 0;
-};
-
 // The answers of a server to one look.
 struct Sample : Told {
-  std::vector<wire::SessionInfo> sessions = {};  // those with the most nodes first; only an operator sees them
-  std::vector<HotNode> hottest = {};
+  std::vector<Json> sessions = {};  // those with the most nodes first; only an operator sees them
+  // Of each of the hottest nodes "session", as of label_of(), "node", "interface_temperature_k", and "regime" by name.
+  std::vector<Json> hottest = {};
 };
 
 // What is shown of a look: the state, and the rates since the look before.
 struct Report {
   const Sample* sample = nullptr;  // null: no answer
-  std::string fault;               // why there is no answer
-  std::optional<double> node_steps_per_s, requests_per_s, journal_bytes_per_s, solver_share;
-  std::optional<double> half_below_s, most_below_s;  // of the steps since the look before: 50 % and 99 % took less
+  Json line;                       // as shearbus-ctl watch --json prints it; without an answer "fault" says why
 };
 
-std::string label_of(const wire::SessionInfo& session);
+// The name of a session's scene, and the first digits of the session's id.
+std::string label_of(const Json& session);
 
 // Asks for the sessions and the hottest nodes, for which the server looks at every node.
 void inspect(Operator& server, Sample& sample);
 
 Report report_of(const Sample& now, const std::optional<Sample>& before);
+Report report_of(const Error& fault);  // no answer
 
 std::string line_of(const Report& report);
-std::string json_of(const Report& report);
 
 // Parts of the texts.
-std::string scaled(double value);
-std::string scaled(const std::optional<double>& value);
-std::uint64_t nodes_in_regimes(const wire::ServerStatus& status);
+std::optional<double> number(const Report& report, const char* field);  // of the line; nothing: null
+std::string scaled(std::optional<double> value);
+std::uint64_t nodes_in_regimes(const Json& status);
 double percent(std::uint64_t part, std::uint64_t all);
-std::string age_of_checkpoint(const wire::ServerStatus& status);
+std::string age_of_checkpoint(const Json& status);
 
 }  // namespace shearbus::ctl

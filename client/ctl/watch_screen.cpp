@@ -13,7 +13,6 @@
 #include <string_view>
 #include <utility>
 
-#include "proto/wire/enum_names.hpp"
 #include "proto/wire/limits.hpp"
 #include "proto/wire/text.hpp"
 
@@ -88,7 +87,7 @@ void Screen::draw(const WatchOptions& options, const Report& report) {
   add("");
   if (report.sample == nullptr) {
     add("NO ANSWER, asked again at each look");
-    add(report.fault);
+    add(text(report.line, "fault"));
   } else {
     describe(report);
   }
@@ -100,39 +99,41 @@ void Screen::draw(const WatchOptions& options, const Report& report) {
 
 void Screen::describe(const Report& report) {
   const Sample& sample = *report.sample;
-  const wire::ServerStatus& s = sample.status;
-  add(fmt::format("server      {}, up {}, {} threads{}", s.server_version, duration(seconds(s.uptime_ns)), s.threads,
-                  s.draining ? ", DRAINING: no new sessions" : ""));
-  add(fmt::format("{:<11} {} with {}, {}B of states", sample.is_operator ? "sessions" : "yours", s.sessions,
-                  wire::counted(s.nodes, "node"), scaled(static_cast<double>(s.state_bytes))));
+  const Json& s = sample.status;
+  add(fmt::format("server      {}, up {}, {} threads{}", text(s, "server_version"), duration(seconds(s, "uptime_ns")),
+                  count(s, "threads"), flag(s, "draining") ? ", DRAINING: no new sessions" : ""));
+  add(fmt::format("{:<11} {} with {}, {}B of states", sample.is_operator ? "sessions" : "yours", count(s, "sessions"),
+                  wire::counted(count(s, "nodes"), "node"), scaled(s.at("state_bytes").get<double>())));
   add_regimes(s);
+  const std::optional<double> busy = number(report, "solver_s_per_s");
   add(fmt::format("rate        {}node-steps/s, {}requests/s; the solver works {} of the time",
-                  scaled(report.node_steps_per_s), scaled(report.requests_per_s),
-                  report.solver_share ? fmt::format("{:.0f} %", 100.0 * *report.solver_share) : "-"));
+                  scaled(number(report, "node_steps_per_s")), scaled(number(report, "requests_per_s")),
+                  busy ? fmt::format("{:.0f} %", 100.0 * *busy) : "-"));
   if (!sample.is_operator) return;
-  add(fmt::format("steps       half answered within {}, 99 % within {}", duration(report.half_below_s),
-                  duration(report.most_below_s)));
+  add(fmt::format("steps       half answered within {}, 99 % within {}", duration(number(report, "p50_s")),
+                  duration(number(report, "p99_s"))));
   add(sample.is_durable
-          ? fmt::format("journal     {}B/s; last checkpoint {}", scaled(report.journal_bytes_per_s),
+          ? fmt::format("journal     {}B/s; last checkpoint {}", scaled(number(report, "journal_bytes_per_s")),
                         age_of_checkpoint(s))
           : "journal     none: the server was started without --state-dir, and keeps nothing when it ends");
   for (std::size_t i = 0; i < sample.hottest.size(); ++i) {
-    const HotNode& hot = sample.hottest[i];
-    add(fmt::format("{:<11} {:.1f} K  {:<8} node {} of {}", i == 0 ? "hottest" : "", hot.temperature_k,
-                    wire::regime_name(hot.regime), hot.node, hot.session));
+    const Json& hot = sample.hottest[i];
+    add(fmt::format("{:<11} {:.1f} K  {:<8} node {} of {}", i == 0 ? "hottest" : "",
+                    hot.at("interface_temperature_k").get<double>(), text(hot, "regime"), count(hot, "node"),
+                    text(hot, "session")));
   }
   if (sample.sessions.empty()) return;
   add("");
   add(fmt::format("{:>9} {:>10}  {}", "nodes", "idle for", "scene and session, opened by"));
-  for (const wire::SessionInfo& session : sample.sessions)
-    add(fmt::format("{:>9} {:>10}  {}, {}", session.nodes, duration(seconds(session.idle_ns)), label_of(session),
-                    session.identity));
+  for (const Json& session : sample.sessions)
+    add(fmt::format("{:>9} {:>10}  {}, {}", count(session, "nodes"), duration(seconds(session, "idle_ns")),
+                    label_of(session), text(session, "identity")));
 }
 
 // A bar over the width of the screen with a part for each regime, and below it the regimes by name.
-void Screen::add_regimes(const wire::ServerStatus& status) {
+void Screen::add_regimes(const Json& status) {
   constexpr std::size_t kLabel = 12;
-  if (status.regimes.empty() || columns_ <= kLabel) return;
+  if (status.at("regimes").empty() || columns_ <= kLabel) return;
   const std::size_t width = std::min<std::size_t>(columns_ - kLabel, 60);
   const std::uint64_t all = nodes_in_regimes(status);
   if (all == 0) return add("regimes     no nodes");

@@ -29,7 +29,7 @@ class Screen {
 
  private:
   void describe(const Report& report);
-  void add_regimes(const wire::ServerStatus& status);
+  void add_regimes(const Json& status);
   std::string part(std::size_t regime, std::size_t width) const;
   void add(const std::string& text);
 
