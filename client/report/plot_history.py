@@ -7,7 +7,6 @@ history of inputs alone completes those that have its steps.
 """
 import pathlib
 import sys
-import textwrap
 from terminal import Parser, complain, whole_number
 import begin  # noqa: F401
 
@@ -134,14 +133,15 @@ def main():
                 if name in file.values:
                     colour = {"color": file.colour} if len(files) > 1 else {}
                     axis.plot(file.time[file.rows] * 1e6, file.values[name] * style.QUANTITIES[name][1], dashes.get(name, "-"), lw=1.4, label=legend, **colour)
-        axis.set_ylabel(label)
+        axis.set_ylabel(style.folded(label, 24))
         axis.grid()
         if sum(any(name in file.values for file in files) for name, _ in lines) > 1:
             handles = {text.get_label(): text for text in reversed(axis.get_lines())}
             axis.legend(handles=[handles[legend] for _, legend in lines if legend in handles])
     for axis, file in zip(axes[len(panels):], banded):
         regime_band(axis, file.time[file.rows] * 1e6, file.values["regime"])
-        axis.set_ylabel("regime" if len(banded) == 1 else "\n".join(textwrap.wrap(file.label, 22)), rotation=0, ha="right", va="center", color=file.colour, fontsize=9)
+        label = "regime" if len(banded) == 1 else style.folded(file.label, 22)
+        axis.set_ylabel(label, rotation=0, ha="right", va="center", color=file.colour, fontsize=9 if label.count("\n") < 2 else 7)
     if banded or len(files) > 1:
         handles = [Line2D([], [], color=file.colour, lw=1.6, label=file.label) for file in files] if len(files) > 1 else []
         style.legend_below(figure, handles + (style.regime_handles(np.unique(np.concatenate([file.values["regime"] for file in banded]))) if banded else []))

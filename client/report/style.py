@@ -2,6 +2,7 @@
 that says where the numbers come from. A picture is drawn with these names and saved by save()."""
 import io
 import pathlib
+import re
 import sys
 
 import matplotlib
@@ -53,6 +54,16 @@ plt.rcParams.update({
     "text.color": INK, "xtick.color": INK, "ytick.color": INK, "grid.color": GRID, "grid.linewidth": 0.6, "axes.axisbelow": True,
     "axes.prop_cycle": matplotlib.cycler(color=[INK, SECOND, "#2a8fbd", "#8a7f2d", "#8a5ba6"]), "legend.frameon": False,
 })
+
+
+def folded(text, width):
+    """Returns a text in lines of at most this width, broken behind blanks, dots and underscores."""
+    lines = [""]
+    for piece in re.findall(r"[^ ._]+[ ._]*", text):
+        if lines[-1] and len(lines[-1] + piece.rstrip()) > width:
+            lines.append("")
+        lines[-1] += piece
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def law_label(law):
