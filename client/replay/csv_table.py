@@ -37,6 +37,7 @@ def quoted(text):
 def _number(text, decimal_comma):
     if decimal_comma and text.count(",") == 1 and "." not in text:
         text = text.replace(",", ".")
+    text = text.replace("D", "e").replace("d", "e")  # Fortran's exponents of double precision
     value = float(text) if REAL.fullmatch(text) else math.nan
     return value if math.isfinite(value) else None
 

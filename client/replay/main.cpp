@@ -154,6 +154,8 @@ std::vector<std::pair<std::string, std::string>> changes_of(const std::string& s
   std::vector<std::pair<std::string, std::string>> changes;
   for (const std::string& value : CLI::detail::split(sweep.substr(equals + 1), ',')) {
     if (value.empty()) throw CLI::ValidationError("--sweep", "a value is empty in " + sweep);
+    if (std::ranges::any_of(changes, [&](const auto& earlier) { return earlier.second == value; }))
+      throw CLI::ValidationError("--sweep", value + " is given twice in " + sweep);
     changes.emplace_back(sweep.substr(0, equals + 1) + value, value);
   }
   return changes;

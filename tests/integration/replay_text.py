@@ -56,7 +56,9 @@ class Ways(support.ReplayTest):
         first = "\n".join(["{}," + rows[0], *(f"a,{row}" for row in rows[1:]), "#a,4,7,17.4,1", "#a,4,8,18.4,1"])
         for name in ("remark", "pair"):
             self.assertEqual(len(self.table(first.format(name), "_read_one_by_one").times), 3)
-        for text in (first.format("remark"), first.format("pair"), PLAIN.replace("17.1", "nan"), PLAIN.replace("17.1", "1e999"), PLAIN.replace("17.1", ""), PLAIN.replace("17.1", "1_0"),
+        fortran = PLAIN.replace("17.1", "1.71D+01").replace("33.3", "333d-1")
+        self.assertEqual(*(self.table(text, "_read_one_by_one").values["pressure"].tobytes() for text in (fortran, PLAIN)))
+        for text in (fortran, first.format("remark"), first.format("pair"), PLAIN.replace("17.1", "nan"), PLAIN.replace("17.1", "1e999"), PLAIN.replace("17.1", ""), PLAIN.replace("17.1", "1_0"),
                      PLAIN.replace("17.1", "0x1"), PLAIN.replace("17.1", "1;2"), PLAIN.replace("17.1", "1 2"), PLAIN.replace(",7,", ",-7,"), PLAIN.replace(",7,", ",7.5,"),
                      PLAIN.replace(",7,", ",18446744073709551616,"), PLAIN.replace("17.1,", "17.1,5,"), semicolons.replace("17.1", "17,1"),
                      semicolons.replace("17.1", "1.000,5"), PLAIN.replace("17.1", "17.1 # x"), PLAIN.replace("7,", "7,x,").replace("node,", "node,remark,")):
