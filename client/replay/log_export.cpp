@@ -18,6 +18,7 @@
 #include "client/replay/table.hpp"
 #include "proto/files/recording.hpp"
 #include "proto/files/whole_file.hpp"
+#include "proto/program/program.hpp"
 #include "proto/wire/columns.hpp"
 #include "server/version.hpp"
 
@@ -41,6 +42,7 @@ struct Plan {
   std::map<Place, std::vector<double>> masses;  // of the first step
   bool masses_change = false;
   std::string scene;
+  std::string past;  // why a replay of the table begins otherwise than the log; empty: it does not
   double start_s = 0.0;
   bool host_times = true;  // whether time_s is the end of each step, else the sum of dt
 };
@@ -80,7 +82,8 @@ class Planner {
     choose_times();
     check_rows();
     plan_.properties = registered_.of(plan_.nodes);
-    if (options_.after_mark) plan_.properties.initial_temperature_k.clear();  // their layers have a past
+    plan_.past = options_.after_mark ? "the layers began before the mark" : registered_.past_of(plan_.nodes);
+    if (options_.after_mark) plan_.properties.initial_temperature_k.clear();
   }
 
  private:
@@ -236,6 +239,13 @@ std::size_t export_log(const ExportOptions& options) {
                                              {"input_hash", files::hash_of_file(options.log)},
                                              {"times", plan.host_times ? "the host's" : "sums of dt"}};
   if (!options.changes.empty()) meta.emplace("changes", options.changes);
+  if (!plan.past.empty()) {
+    meta.emplace("past", plan.past);
+    if (options.changes.empty())
+      program::complain(
+          fmt::format("shearbus-replay: warning: {}: {}; a replay of the table lets the layers begin at the start",
+                      program::shown(options.like()), plan.past));
+  }
   ResultFile table(options.out, options.like(), columns, plan.nodes, plan.properties, meta, plan.start_s);
   if (files::HistoryWriter* const hdf5 = table.hdf5(); hdf5 != nullptr && !plan.masses_change)
     for (const auto& [place, values] : plan.masses)

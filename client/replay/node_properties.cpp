@@ -5,6 +5,10 @@
 #include <algorithm>
 #include <variant>
 
+#include "proto/scene/reader.hpp"
+#include "proto/scene/with_message.hpp"
+#include "shearbus/v1/scene.pb.h"
+
 namespace shearbus::replay {
 
 NodeProperties NodeProperties::of(const Table& history) {
@@ -65,6 +69,7 @@ void RegisteredProperties::follow(const wire::Request& request, const wire::Repl
     keys_ = open->parameters;
     const auto* opened = std::get_if<wire::SessionOpened>(&reply.body);
     several_ = !keys_.empty() || (opened != nullptr && !opened->pairs.empty());
+    if (opened != nullptr) scene_ = opened->effective_scene;
     add(request.batch, open->pairs);
   } else if (const auto* added = std::get_if<wire::RegisterNodes>(&request.body)) {
     add(request.batch, added->pairs);
@@ -103,15 +108,29 @@ NodeProperties RegisteredProperties::of(std::span<const std::uint64_t> nodes) co
     found.parameters.emplace_back(key, std::vector<double>());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Node& node = *rows[i];
-    if (heated && node.initial_temperature_k == 0.0) heated = false;
     if (named) found.pair.push_back(node.pair);
     if (given && node.parameters.empty()) refuse(nodes[i], "was registered without parameters, others with");
     for (std::size_t key = 0; key < found.parameters.size(); ++key)
       found.parameters[key].second.push_back(node.parameters[key]);
   }
-  for (const Node* node : rows)
-    if (heated) found.initial_temperature_k.push_back(node->initial_temperature_k);
+  if (!heated) return found;
+  // Of the others the scene tells it.
+  wire::with_message<v1::Scene>([&](v1::Scene& scene) {
+    scene::read(scene_, "the recorded scene", scene, [](const auto&, auto&) {});
+    for (const Node* node : rows) {
+      const v1::Layer* layer = &scene.layer();
+      for (const v1::Pair& pair : scene.pair())
+        if (pair.name() == node->pair && pair.has_layer()) layer = &pair.layer();
+      found.initial_temperature_k.push_back(node->initial_temperature_k > 0.0 ? node->initial_temperature_k
+                                                                              : layer->initial_temperature_k());
+    }
+  });
   return found;
+}
+
+std::string RegisteredProperties::past_of(std::span<const std::uint64_t> nodes) const {
+  const auto came = std::ranges::find_if(nodes, [&](std::uint64_t id) { return !nodes_->at(id).known; });
+  return came == nodes.end() ? std::string() : fmt::format("the layer of node {} began in another session", *came);
 }
 
 }  // namespace shearbus::replay

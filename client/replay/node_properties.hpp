@@ -39,6 +39,8 @@ class RegisteredProperties {
   void follow(const wire::Request& request, const wire::Reply& reply);
   // Throws Error if the log does not tell the pair or a parameter of one of the nodes.
   NodeProperties of(std::span<const std::uint64_t> nodes) const;
+  // Why a replay of the nodes begins otherwise than the log: a node has come from another session. Empty: it does not.
+  std::string past_of(std::span<const std::uint64_t> nodes) const;
 
  private:
   struct Node {
@@ -53,6 +55,7 @@ class RegisteredProperties {
 
   std::vector<std::string> keys_;
   bool several_ = false;  // whether the session has pairs or parameters
+  std::string scene_;     // effective
   std::shared_ptr<Nodes> nodes_ = std::make_shared<Nodes>();
   std::map<std::string, std::shared_ptr<Nodes>> marks_;
 };

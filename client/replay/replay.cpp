@@ -263,6 +263,10 @@ void run(const Options& options) {
   for (const std::string& warning : bus.opened().warnings)
     program::complain(fmt::format("shearbus-replay: {}", wire::labelled(warning)));
   for (const std::string& kept : changed.kept_by_pairs()) program::complain("shearbus-replay: note: " + kept);
+  if (const std::optional<std::string> past = history.meta("past"))
+    program::complain(
+        fmt::format("shearbus-replay: warning: {}: {}; here it begins at the start, and the answers differ",
+                    program::shown(options.history()), wire::printable(*past, wire::kMaxTextBytes)));
   const std::string extent =
       fmt::format("{} of {}, {:.6g} to {:.6g} s", wire::counted(history.steps(), "step"),
                   wire::counted(history.nodes(), "node"), history.start_time_s(), history.times_s().back());

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -47,6 +48,7 @@ class Table {
   std::size_t steps() const { return times_s().size(); }
   std::size_t nodes() const { return node_ids().size(); }
   bool has(std::string_view name) const { return history_.has(name); }
+  std::optional<std::string> meta(std::string_view name) const { return history_.meta(name); }
   std::vector<double> per_node(std::string_view name) const { return history_.per_node(name); }
   std::vector<std::string> texts(std::string_view name) const { return history_.texts(name); }
   std::vector<std::string> names_in(std::string_view group) const { return history_.names_in(group); }

@@ -117,6 +117,41 @@ class Pairs(support.ReplayTest):
         self.tool("replay", "export", self.path / "run.log", "--out", self.path / "one.h5", "--node", "5")
         np.testing.assert_array_equal(self.result(history=self.path / "one.h5", scene=self.scene)["shear_stress"][:, 0], stress[:, 2])
 
+    def test_nodes_without_a_temperature_of_their_own_begin_at_that_of_the_scene(self):
+        scene = self.file("warm.toml", scene_text(tables='[pair.brass.layer]\nthickness_m = 50e-6\ncells = 30\ngrading = 1.14\ninitial_temperature_k = 350\n'))
+        os.environ["SHEARBUS_RECORD"] = str(self.path / "warm.log")
+        far = dict(pressure=0.1e9, stress_soft=0.0, stress_hard=0.0, mass_soft=2.7, mass_hard=7.9, jump=40.0)
+        with shearbus.open(scene, [1, 2], pair=["", "brass"], record=True, check_closure="off") as session:
+            session.register([9], pair="", initial_temperature=900.0)
+            answers = np.array([session.step(1e-9, **far).temperature for _ in range(20)])
+            session.history.to_hdf5(self.path / "h.h5", session.scene)
+        self.tool("replay", "export", self.path / "warm.log", "--out", self.path / "e.h5")
+        for name in ("h.h5", "e.h5"):
+            with h5py.File(self.path / name) as file:
+                np.testing.assert_array_equal(file["initial_temperature"][:], [300.0, 350.0, 900.0])
+            np.testing.assert_array_equal(self.result(history=self.path / name, scene=scene)["interface_temperature"], answers)
+
+    def test_layers_that_began_before_the_history_are_told(self):
+        far = dict(pressure=0.1e9, stress_soft=0.0, stress_hard=0.0, mass_soft=2.7, mass_hard=7.9, jump=40.0)
+        scene, server = self.file("one.toml", scene_text()), served.Server(self, self.path, durable=False)
+        giver = shearbus.open(scene, [1, 2], server.endpoint, domain="d", check_closure="off")
+        giver.step(1e-9, **far)
+        os.environ["SHEARBUS_RECORD"] = str(self.path / "taker.log")
+        taker = shearbus.open(scene, [3], server.endpoint, domain="d", record=True, check_closure="off")
+        taker.accept(giver.offer([2]))
+        taker.step(1e-9, **far)
+        taker.mark("there")
+        taker.step(1e-9, **far)
+        with self.assertWarnsRegex(UserWarning, "the layer of node 2 began before the first step; a replay lets it begin at the start"):
+            taker.history.to_hdf5(self.path / "h.h5")
+        taker.close()
+        giver.close()
+        told = "warning: {}: the layer of node 2 began in another session; a replay of the table lets the layers begin at the start"
+        self.assertIn(told.format(self.path / "e.h5"), self.tool("replay", "export", self.path / "taker.log", "--out", self.path / "e.h5"))
+        for name, past in (("h.h5", "before the first step"), ("e.h5", "in another session")):
+            told = f"warning: {self.path / name}: the layer of node 2 began {past}; here it begins at the start, and the answers differ"
+            self.assertIn(told, self.replay(history=self.path / name, scene=scene).stderr)
+
     def test_what_if_keeps_pairs_and_parameters(self):
         stress, _, _ = self.run_host(self.path / "run.log")
         self.tool("replay", self.path / "run.log", "--set", "interface.yield_strength_pa=5e6", "--out", self.out)

@@ -3,6 +3,8 @@ import contextlib
 import datetime
 import os
 import tempfile
+import tomllib
+import warnings
 from typing import Any, NamedTuple
 
 import numpy
@@ -61,9 +63,14 @@ class History:
     def __init__(self):
         self._rows, self._standing, self._marks = [], None, {}
         self._own, self._several = {}, False  # datasets of each node, by its id; whether nodes have pairs or parameters
+        self._begun, self._scene = set(), ""  # nodes whose layers began in this session; effective scene
 
     # Called by the session.
-    def _registered(self, nodes, initial_temperature, pair, parameters):
+    def _registered(self, nodes, *given):
+        self._begun.update(nodes.tolist())
+        self._known(nodes, *given)
+
+    def _known(self, nodes, initial_temperature, pair, parameters):
         given = {"initial_temperature": initial_temperature, "pair": pair}
         given = {name: values for name, values in given.items() if values is not None}
         given |= {f"parameter/{key}": values for key, values in (parameters or {}).items()}
@@ -184,9 +191,16 @@ class History:
             without = [place for place, node in enumerate(own) if name not in node]
             if name == "pair" or not without:
                 found[name] = [node.get(name, "") for node in own]
-            elif name != "initial_temperature":
+            elif name == "initial_temperature":
+                found[name] = [node.get(name) or self._start_temperature(node.get("pair", "")) for node in own]
+            else:
                 raise ValueError(f"node {nodes[without[0]]} was registered without {name}, which other nodes have")
         return found
+
+    def _start_temperature(self, pair):
+        """Returns the temperature (K) at which the scene lets the layer of a node of this pair begin."""
+        scene = tomllib.loads(self._scene)
+        return scene.get("pair", {}).get(pair, {}).get("layer", scene["layer"])["initial_temperature_k"]
 
     def to_pandas(self):
         """Returns table() as a DataFrame. Needs pandas."""
@@ -202,8 +216,12 @@ class History:
 
         if not self._rows:
             raise ValueError("the history has no steps")
-        own = self._own_datasets(self.nodes)
         nodes = self.nodes
+        own = self._own_datasets(nodes)
+        earlier = [node for node in nodes.tolist() if node not in self._begun]
+        past = f"the layer of node {earlier[0]} began before the first step" if earlier else ""
+        if past:
+            warnings.warn(f"{path}: {past}; a replay lets it begin at the start, and its answers differ", stacklevel=2)
         with _partial(path) as partial, h5py.File(partial, "w", libver=("earliest", "v110")) as file:
             kept = {"shuffle": True, "compression": "gzip", "compression_opts": 1, "fletcher32": True}
 
@@ -236,5 +254,7 @@ class History:
                 "format": "shearbus-history", "version": "1", "units_system": "SI", "producer": "shearbus for Python",
                 "created": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
             })
+            if past:
+                meta.attrs["past"] = past
             if scene:
                 meta["scene"] = scene

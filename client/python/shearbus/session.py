@@ -221,7 +221,7 @@ class Session:
         self._ticket = room.value.decode()
         self._take_nodes()
         if self.history is not None:
-            self.history._several = bool(self.pairs or self.parameters)
+            self.history._several, self.history._scene = bool(self.pairs or self.parameters), self.scene
         for warning in self.warnings:
             if not warning.startswith("note: "):  # which only informs
                 _library.warn(warning, SceneWarning)
@@ -254,7 +254,7 @@ class Session:
         self.resumed_parameters = {
             told.parameters[i].decode(): numpy.frombuffer(ctypes.string_at(told.values[i], 8 * told.n))
             for i in range(told.n_parameters)}
-        self._note(History._registered, self.nodes, None, self.resumed_pair, self.resumed_parameters)
+        self._note(History._known, self.nodes, None, self.resumed_pair, self.resumed_parameters)
 
     def _note(self, what, *arguments):
         """Calls a method of History on the history, if there is one."""
