@@ -66,7 +66,8 @@ void load_own_laws(const std::vector<std::string>& laws) {
              "Define it as shearbus/friction_law.h says; in C++ with extern \"C\".");
     if (const std::string fault = fault_of(*law); !fault.empty())
       refuse(given, fault, "Compile the law with the friction_law.h of this version.");
-    service::own_laws()[name] = law;
+    if (service::own_laws().emplace(name, law).first->second != law)
+      refuse(given, "another law has that name", "Give each law a name of its own.");
   }
 }
 

@@ -102,6 +102,9 @@ class OwnFrictionLaw(served.Served):
         for given, told, code in ((f"x={self.path}/none.so", "none.so", 1), ("x", "NAME=FILE", 2),
                                   ("x=libm.so.6", "shearbus_friction_law_of_library", 1)):
             self.refused(OPTIONS.server, "--bind", f"ipc://{self.path}/other", "--friction-law", given, said=told, code=code)
+        other = next(word for word in self.laws if word.endswith(".so") and not word.startswith("slip_weakening="))
+        self.refused(OPTIONS.server, "--bind", f"ipc://{self.path}/other", *self.laws[:2], "--friction-law", f"slip_weakening={other.split('=')[1]}",
+                     said="another law has that name")
 
 
 if __name__ == "__main__":
