@@ -50,7 +50,8 @@ def displaced(run):
     """Returns how far metal moved against metal over 1 mm on both sides of the interface (m, mean), which the zones of
     the hydrocode decide less than the slip; None where the run does not tell."""
     bands = [band for band in run.summary.get("displacement", []) if band["band_m"] == 1e-3]
-    return bands[0].get("mean_m") if bands else None
+    told = bands[0].get("mean_m", bands[0].get("displacement_m")) if bands else None  # of columns one each
+    return None if told is None else float(np.mean(told))
 
 
 def farther(slip, than):
