@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "proto/scene/scene.hpp"
+#include "server/service/pairs.hpp"
 #include "server/service/scene_model.hpp"
 #include "tests/support/refused.hpp"
 #include "tests/support/service_harness.hpp"
