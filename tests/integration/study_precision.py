@@ -98,9 +98,9 @@ def main():
                               "--end", "6e-6", "--out", out], capture_output=True, text=True)
         assert ran.returncode == 0, ran.stderr
         cone = json.loads((pathlib.Path(out) / "cone_sweep.json").read_text())
-        assert all(r["failure"] == "" for r in cone["runs"]) and len(cone["runs"]) == 6, cone
-        layer = [r["error"] for r in cone["runs"] if r["layer"] == "profile, 80 cells x1.06"]
-        assert 0 < layer[0]["mean_slip_m"] < 0.5 * cone["hydro"][0]["mean_slip_m"] and 0 < layer[0]["temperature_rms"] < 2e-2, cone
+        apart = {r["layer"]: r["error"] for r in cone["rows"] if r["zone_width_m"] == 2e-3}
+        layer, zones = apart["profile, 80 cells x1.06"], apart["zones half as wide (hydro error)"]
+        assert len(cone["rows"]) == 5 and 0 < layer["mean_slip_m"] < 0.5 * zones["mean_slip_m"] and 0 < layer["temperature_rms"] < 2e-2, cone
     print("the studies answer as they should")
 
 

@@ -6,11 +6,9 @@
 Each layer runs with each zone width, in time steps that the hydrocode chooses. A run gives the friction heat and the mean slip of the whole
 interface, and T0 of every node at every output. The error of a layer is its distance to the best layer in the same zones. The error of the
 zones is the distance to zones half as wide, both with the best layer; T0 is compared only within the same zones, because other zones have
-other nodes. Writes cone_sweep.json, with date, processor and commit, and prints the table."""
-import datetime
+other nodes. Writes cone_sweep.json and prints the table."""
 import json
 import pathlib
-import re
 import subprocess
 import sys
 
@@ -18,11 +16,13 @@ import h5py
 import numpy
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "client/report"))
+sys.path[:0] = [str(ROOT / room) for room in ("client/report", "tests/support")]
+import served  # noqa: E402
 from terminal import Parser, positive_number, positive_numbers  # noqa: E402
 
 SCENE = ROOT / "hydro_stub/problems/cone_al_steel_hot.toml"
-BEST = "modes 1e-6, sdirk2"
+BEST, HALVED = "modes 1e-6, sdirk2", "zones half as wide (hydro error)"
+MELTING_RANGE = 1220.0 - 300.0  # T_melt - T_ref of the scene's aluminium [K]
 COMMON = 'thickness_m = 100e-6\nfar_boundary = "half_space"'
 LAYERS = {  # keys of [layer] that replace the scene's
     BEST: 'heat = "modes"\nmodes.accuracy = 1e-6\ntime_integrator = "sdirk2"',
@@ -39,41 +39,26 @@ LAYERS = {  # keys of [layer] that replace the scene's
 }
 
 
-def scene_of(layer, zone, end):
-    text, found = re.subn(r"(?ms)^\[layer\]$.*?^\[interface\]$", f"[layer]\n{COMMON}\n{layer}\n\n[interface]", SCENE.read_text())
-    assert found == 1
-    for key, value in (("zone_width_m", zone), ("end_time_s", end)):
-        text, found = re.subn(rf"(?m)^{key} = \S+", f"{key} = {value:g}", text)
-        assert found == 1, key
-    return text
-
-
 def run(hydro, layer, zone, end, out):
-    """Returns the results of a run, or the reason of its failure."""
+    """Returns the summary of a run, with the temperature of every node at every output."""
     out.mkdir(parents=True, exist_ok=True)
-    scene = out / "scene.toml"
-    scene.write_text(scene_of(LAYERS[layer], zone, end))
+    scene = served.edited(SCENE, out / "scene.toml", zone_width_m=zone, end_time_s=end)
+    before, _, rest = scene.read_text().partition("[layer]\n")
+    scene.write_text(f"{before}[layer]\n{COMMON}\n{LAYERS[layer]}\n\n{rest[rest.index('[interface]'):]}")
     done = subprocess.run([hydro, scene, "--out", out / "run", "--no-plot", "--no-progress"], capture_output=True, text=True)
     if done.returncode != 0:
-        return {"layer": layer, "zone_width_m": zone, "failure": (done.stderr.strip() or "failed").splitlines()[0]}
+        sys.exit(f"{scene}: {done.stderr.strip()}")
     with h5py.File(out / "run/interface.h5") as file:
-        temperature = file["interface_temperature"][:]
-    summary = json.loads((out / "run/summary.json").read_text())
-    return {"layer": layer, "zone_width_m": zone, "failure": "", "steps": summary["steps"], "friction_heat_j": summary["friction_heat_j"],
-            "mean_slip_m": summary["mean_slip_m"], "run_time_s": summary["run_time_s"], "temperature": temperature}
+        return {**json.loads((out / "run/summary.json").read_text()), "temperature": file["interface_temperature"][:]}
 
 
-def distance(one, other, melting_range):
+def distance(one, other):
     found = {key: abs(one[key] / other[key] - 1.0) for key in ("friction_heat_j", "mean_slip_m")}
     a, b = one["temperature"], other["temperature"]
     if a.shape == b.shape:  # the same zones and the same number of outputs
-        found["temperature_rms"] = float(numpy.sqrt(numpy.mean(((a - b) / melting_range) ** 2)))
-        found["temperature_max"] = float(numpy.max(numpy.abs(a - b)) / melting_range)
+        apart = numpy.abs(a - b) / MELTING_RANGE
+        found |= {"temperature_rms": float(numpy.sqrt(numpy.mean(apart**2))), "temperature_max": float(apart.max())}
     return found
-
-
-def told(value):
-    return "        -" if value is None else f"{value:9.1e}"
 
 
 def main():
@@ -88,34 +73,16 @@ def main():
     if any(abs(a / b - 2) > 1e-9 for a, b in zip(zones, zones[1:])):
         sys.exit("cone_sweep.py: --zones: each zone width is to be half the one before")
     layers = [name for name in LAYERS if name == BEST or options.layers in name]
-    melting_range = 1220.0 - 300.0  # T_melt - T_ref of the scene's aluminium [K]
-    runs = {}
-    for number, zone in enumerate(zones):
-        for place, layer in enumerate(layers):
-            runs[zone, layer] = run(options.hydro, layer, zone, options.end, options.out / "cone" / f"{number}-{place}")
-    rows, hydro = [], []
-    for zone, finer in zip(zones, zones[1:]):
-        if not runs[zone, BEST]["failure"] and not runs[finer, BEST]["failure"]:
-            hydro.append({"zone_width_m": zone, **distance(runs[zone, BEST], runs[finer, BEST], melting_range)})
-    for (zone, layer), one in runs.items():
-        error = {} if layer == BEST or one["failure"] or runs[zone, BEST]["failure"] else distance(one, runs[zone, BEST], melting_range)
-        rows.append({**{key: value for key, value in one.items() if key != "temperature"}, "error": error})
-    print(f"{'zones':>8} {'layer':<34} {'heat':>9} {'slip':>9} {'T0 rms':>9} {'T0 max':>9}   (errors of the layer)")
-    for row in rows:
-        if row["layer"] == BEST and not row["failure"]:
-            continue
-        error = row["error"]
-        line = f"{row['zone_width_m'] * 1e3:5.2f} mm {row['layer']:<34} "
-        print(line + (f"FAILED: {row['failure']}" if row["failure"] else
-                      " ".join(told(error.get(k)) for k in ("friction_heat_j", "mean_slip_m", "temperature_rms", "temperature_max"))))
-    for one in hydro:
-        print(f"{one['zone_width_m'] * 1e3:5.2f} mm {'zones half as wide (hydro error)':<34} {told(one['friction_heat_j'])} {told(one['mean_slip_m'])}")
-    commit = subprocess.run(["git", "-C", ROOT, "describe", "--always", "--dirty"], capture_output=True, text=True).stdout.strip()
-    processor = re.findall(r"model name\s*: (.*)", pathlib.Path("/proc/cpuinfo").read_text())
-    options.out.mkdir(parents=True, exist_ok=True)
+    runs = {(zone, layer): run(options.hydro, layer, zone, options.end, options.out / "cone" / f"{number}-{place}")
+            for number, zone in enumerate(zones) for place, layer in enumerate(layers)}
+    rows = [(zone, layer, distance(one, runs[zone, BEST])) for (zone, layer), one in runs.items() if layer != BEST]
+    rows += [(zone, HALVED, distance(runs[zone, BEST], runs[finer, BEST])) for zone, finer in zip(zones, zones[1:])]
+    print(f"{'zones':>8} {'layer':<34} {'heat':>9} {'slip':>9} {'T0 rms':>9} {'T0 max':>9}   (errors)")
+    for zone, layer, error in rows:
+        print(f"{zone * 1e3:5.2f} mm {layer:<34} " + " ".join(f"{value:9.1e}" for value in error.values()))
     path = options.out / "cone_sweep.json"
-    path.write_text(json.dumps({"study": "cone", "commit": commit or "unknown", "date": datetime.date.today().isoformat(),
-                                "processor": processor[0] if processor else "unknown", "best": BEST, "hydro": hydro, "runs": rows}, indent=1))
+    path.write_text(json.dumps({"study": "cone", "provenance": runs[zones[0], BEST]["provenance"], "best": BEST,
+                                "rows": [{"zone_width_m": zone, "layer": layer, "error": error} for zone, layer, error in rows]}, indent=1))
     print(f"written: {path}")
 
 
