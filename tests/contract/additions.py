@@ -2,16 +2,16 @@
 """Adds a column, a regime, a bit of the outcome, status codes and a field to a copy of the contract, at the places that
 .github/CONTRIBUTING.md names, prints what lists the contract, and checks that C, C++, Fortran and Python have them.
 
-additions.py --source DIR --work DIR [--protoc PROTOC] [--cc CC] [--cxx CXX] [--fc FC]   (root of the sources; a directory for the copy)"""
-import argparse
+additions.py --protoc PROTOC --cc CC --cxx CXX"""
 import pathlib
 import re
 import shutil
-import subprocess
 import sys
-import unittest
 
-OPTIONS = None
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import OPTIONS
+
 # Of the tree: what is printed, and what the compilers need to read it.
 COPIED = ("proto", "client/include", "client/fortran", "client/mpi", "client/python/shearbus", "client/report/style.py", "client/ctl/watch_screen.cpp", "server/physics",
           ".github/CONTRIBUTING.md")
@@ -64,19 +64,24 @@ assert shearbus.Regime.WELDED == 5 and shearbus.Code.BUSY == 410
 """
 
 
-def run(*command, text=None):
-    found = subprocess.run([str(word) for word in command], input=text, text=True, capture_output=True, cwd=OPTIONS.work)
-    return "" if found.returncode == 0 else found.stdout + found.stderr
+class Additions(served.Served):
+    def setUp(self):
+        super().setUp()
+        for name in COPIED:
+            target = self.path / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            (shutil.copytree if (served.SOURCE / name).is_dir() else shutil.copy)(served.SOURCE / name, target)
 
+    def run_here(self, *command, **more):
+        return self.run_program(*command, cwd=self.path, **more)
 
-def print_contract(*arguments):
-    return run(sys.executable, "-B", OPTIONS.source / "proto/print_contract.py", "--protoc", OPTIONS.protoc, "--root", OPTIONS.work, *arguments)
+    def print_contract(self, *arguments, code=0):
+        program = served.SOURCE / "proto/print_contract.py"
+        return self.run_here(sys.executable, "-B", program, "--protoc", OPTIONS.protoc, "--root", self.path, *arguments, code=code)
 
-
-class Additions(unittest.TestCase):
     def test_places_of_the_page_suffice(self):
-        self.assertEqual(print_contract("--check"), "")
-        page = (OPTIONS.work / ".github/CONTRIBUTING.md").read_text()
+        self.print_contract("--check")
+        page = (self.path / ".github/CONTRIBUTING.md").read_text()
         for kind, places in ADDITIONS.items():
             row = re.search(rf"^\| {re.escape(kind)} \| (.*) \|$", page, re.M)
             self.assertIsNotNone(row, f"the page has no row {kind!r}")
@@ -84,48 +89,30 @@ class Additions(unittest.TestCase):
             for name, additions in places.items():
                 self.assertTrue(name in row[1] or name.startswith("proto/shearbus/v1/") and "proto/shearbus/v1/*.proto" in row[1],
                                 f"{kind}: the page does not name {name}")
-                file = OPTIONS.work / name
+                file = self.path / name
                 for behind, text in zip(additions[::2], additions[1::2]):
                     found = file.read_text()
                     self.assertEqual(found.count(behind), 1, f"{name}: {behind}")
                     file.write_text(found.replace(behind, behind + text))
-        self.assertNotEqual(print_contract("--check"), "", "what was added must be printed")
-        self.assertEqual(print_contract(), "")
-        self.assertEqual(print_contract("--check"), "")
-        work = OPTIONS.work
-        drawn = re.search(r"^constexpr std::array kColours.*?^static_assert\(.*?;$", (work / "client/ctl/watch_screen.cpp").read_text(), re.M | re.S)
+        self.print_contract("--check", code=1)  # what was added must be printed
+        self.print_contract()
+        self.print_contract("--check")
+        path, strict, fortran = self.path, ("-Wall", "-Wextra", "-Wpedantic", "-Werror"), ("gfortran", "-std=f2008", "-fsyntax-only")
+        drawn = re.search(r"^constexpr std::array kColours.*?^static_assert\(.*?;$", (path / "client/ctl/watch_screen.cpp").read_text(), re.M | re.S)
         self.assertIn("kLetters.size() == wire::kRegimeCount", drawn[0])
-        watch = CPP + drawn[0]
-        for language, fault in {
-                "C++": run(OPTIONS.cxx, "-std=c++20", "-fsyntax-only", f"-I{work}", "-x", "c++", "-", text=watch),
-                "C": run(OPTIONS.cc, "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", f"-I{work}/client/include", "-x", "c", "-", text=C),
-                "Fortran, the module": run(OPTIONS.fc, "-std=f2008", "-Wall", "-Wextra", "-fsyntax-only", f"-J{work}", work / "client/fortran/shearbus.f90"),
-                "Fortran": run(OPTIONS.fc, "-std=f2008", "-fsyntax-only", f"-I{work}", "-x", "f95", "-", text=FORTRAN),
-                "pictures": run(sys.executable, "-B", OPTIONS.source / "tests/tidy/check_pictures.py", "--root", work),
-                "Python": run("env", f"PYTHONPATH={work}/client/python", sys.executable, "-B", "-c", PYTHON),
-        }.items():
-            self.assertEqual(fault, "", language)
-        self.assertIn(", 410 BUSY, ", (work / "proto/WIRE.md").read_text())
+        self.run_here(OPTIONS.cxx, "-std=c++20", "-fsyntax-only", f"-I{path}", "-x", "c++", "-", input=CPP + drawn[0])
+        self.run_here(OPTIONS.cc, "-std=c99", *strict, "-fsyntax-only", f"-I{path}/client/include", "-x", "c", "-", input=C)
+        self.run_here(*fortran, "-Wall", "-Wextra", f"-J{path}", path / "client/fortran/shearbus.f90")
+        self.run_here(*fortran, f"-I{path}", "-x", "f95", "-", input=FORTRAN)
+        self.run_here(sys.executable, "-B", served.SOURCE / "tests/tidy/check_pictures.py", "--root", path)
+        self.run_here("env", f"PYTHONPATH={path}/client/python", sys.executable, "-B", "-c", PYTHON)
+        self.assertIn(", 410 BUSY, ", (path / "proto/WIRE.md").read_text())
 
     def test_a_column_without_its_number_is_refused(self):
-        file = OPTIONS.work / "proto/wire/columns.inc"
-        text = file.read_text()
-        file.write_text(text.replace("#undef COLUMN\n", COLUMN.replace("64", "65").replace("amage", "amages") + "#undef COLUMN\n"))
-        self.assertIn("damages_j_per_m3", print_contract())
-        file.write_text(text)
+        file = self.path / "proto/wire/columns.inc"
+        file.write_text(file.read_text().replace("#undef COLUMN\n", COLUMN.replace("64", "65").replace("amage", "amages") + "#undef COLUMN\n"))
+        self.assertIn("damages_j_per_m3", self.print_contract(code=1).stderr)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--source", required=True, type=pathlib.Path)
-    parser.add_argument("--work", required=True, type=pathlib.Path)
-    for name, default in (("protoc", "protoc"), ("cc", "cc"), ("cxx", "c++"), ("fc", "gfortran")):
-        parser.add_argument(f"--{name}", default=default)
-    OPTIONS, rest = parser.parse_known_args()
-    shutil.rmtree(OPTIONS.work, ignore_errors=True)
-    for name in COPIED:
-        target = OPTIONS.work / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        copy = shutil.copytree if (OPTIONS.source / name).is_dir() else shutil.copy
-        copy(OPTIONS.source / name, target)
-    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
+    served.main("protoc", "cc", "cxx")

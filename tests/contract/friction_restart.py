@@ -2,65 +2,53 @@
 """The templates of vendors' friction routines across a restart of their host: the host that dies after a restart file and goes on in another
 process has the bits of the whole run; without the ticket, with one of another time, or without a server of its own it stops or says so.
 friction_restart.py --program CALLER --scene SCENE.toml --kind exact|heat --endpoint ENDPOINT"""
-import argparse
 import os
 import pathlib
-import subprocess
 import sys
-import tempfile
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import OPTIONS
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--program", type=pathlib.Path, required=True)
-    parser.add_argument("--scene", type=pathlib.Path, required=True)
-    parser.add_argument("--kind", required=True)
-    parser.add_argument("--endpoint", required=True)
-    given = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="shearbus-") as scratch:
-        place = pathlib.Path(scratch)
+class FrictionRestart(served.Served):
+    def host(self, *part, code=0, said="", endpoint=None, **environment):
+        """Runs the host. Returns its lines about nodes."""
+        environment |= {"SHEARBUS_SCENE": OPTIONS.scene, "SHEARBUS_ENDPOINT": OPTIONS.endpoint if endpoint is None else endpoint}
+        done = self.run_program(OPTIONS.program, OPTIONS.scene, OPTIONS.kind, *part, code=code, cwd=self.path, timeout=60,
+                                env={**os.environ, **environment})
+        self.assertIn(said, done.stderr)
+        return [line for line in done.stdout.splitlines() if line.startswith("node")]
 
-        def host(*part, expect=0, says="", endpoint=given.endpoint, **environment):
-            done = subprocess.run([given.program.resolve(), given.scene, given.kind, *part], capture_output=True, text=True, cwd=place, timeout=60,
-                                  env={**os.environ, "SHEARBUS_SCENE": str(given.scene), "SHEARBUS_ENDPOINT": endpoint, **environment})
-            if done.returncode != expect or says not in done.stderr:
-                sys.exit(f"{' '.join(part) or 'whole'}: exit code {done.returncode}, expected {expect} and \"{says}\"\n{done.stdout}{done.stderr}")
-            return [line for line in done.stdout.splitlines() if line.startswith("node")]
+    def tickets(self):
+        return sorted(self.path.glob("*.shearbus"))
 
-        def tickets():
-            return sorted(place.glob("*.shearbus"))
-
-        whole = host()
-        for file in tickets():
+    def test_the_layers_go_on_with_their_host(self):
+        whole = self.host()
+        self.assertEqual(len(whole), 2)
+        for file in self.tickets():
             file.unlink()
-        host("first")
-        if len(tickets()) != 2 or any(file.stat().st_mode & 0o077 for file in tickets()) or list(place.glob("*.new")):
-            sys.exit(f"expected two tickets for their owner alone: {sorted(place.iterdir())}")
-        kept = {file: file.read_text() for file in tickets()}
-        again = host("second", says="the layers go on from t4.55")
-        if again != whole or len(whole) != 2:
-            sys.exit(f"the run that goes on differs:\n{whole}\n{again}")
-        again = host("second")  # a second time from the same restart file
-        if again != whole:
-            sys.exit(f"the second run that goes on differs:\n{whole}\n{again}")
+        self.host("first")
+        kept = {file: file.read_text() for file in self.tickets()}
+        self.assertEqual((len(kept), list(self.path.glob("*.new"))), (2, []))
+        self.assertFalse([file for file in kept if file.stat().st_mode & 0o077], "tickets are for their owner alone")
+        self.assertEqual(self.host("second", said="the layers go on from t4.55"), whole)
+        self.assertEqual(self.host("second"), whole, "a second time from the same restart file")
         for file, text in kept.items():
             file.write_text(text.replace("4.55", "4.95"))
-        host("second", expect=1, says="no mark of the layers has the time of the restart")
+        self.host("second", code=1, said="no mark of the layers has the time of the restart")
         for file in kept:
             file.write_text("no ticket\n")
-        host("second", expect=1, says="the ticket cannot be read")
+        self.host("second", code=1, said="the ticket cannot be read")
         for file in kept:
             file.unlink()
-        host("second", expect=1, says="the host was restarted, and the ticket of its layers")
-        cold = host("second", says="warning: the host was restarted with cold layers", SHEARBUS_COLD_LAYERS="1")
-        if (cold == whole) != (given.kind == "exact"):
-            sys.exit(f"cold layers: {cold}, and the whole run: {whole}")
-        host("first", says="name a server by SHEARBUS_ENDPOINT", endpoint="")
-        if tickets():
-            sys.exit("a host whose layers end with it has written a ticket")
-        host("second", expect=1, says="the host was restarted, and the ticket of its layers", endpoint="")
-    print("; ".join(whole))
+        self.host("second", code=1, said="the host was restarted, and the ticket of its layers")
+        cold = self.host("second", said="warning: the host was restarted with cold layers", SHEARBUS_COLD_LAYERS="1")
+        self.assertEqual(cold == whole, OPTIONS.kind == "exact", (cold, whole))
+        self.host("first", said="name a server by SHEARBUS_ENDPOINT", endpoint="")
+        self.assertEqual(self.tickets(), [], "a host whose layers end with it writes no ticket")
+        self.host("second", code=1, said="the host was restarted, and the ticket of its layers", endpoint="")
 
 
 if __name__ == "__main__":
-    main()
+    served.main("program", "scene", "kind", "endpoint")

@@ -1,18 +1,18 @@
 #!/usr/bin/python3
 """Holds the structs of the Python client to the C header; its columns, numbers and functions are printed from the contract.
 
-python_tables.py --source DIR --work DIR   (root of the sources; a directory for a program)"""
-import argparse
+python_tables.py --source DIR   (root of the sources)"""
 import ctypes
 import pathlib
-import subprocess
 import sys
-import unittest
 
-OPTIONS = None
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import OPTIONS
+from shearbus import _library, answer
 
 
-class Tables(unittest.TestCase):
+class Tables(served.Served):
     def test_structs_are_those_of_the_header(self):
         structs = [value for value in vars(_library).values() if isinstance(value, type) and issubclass(value, ctypes.Structure)
                    and hasattr(value, "_fields_")]
@@ -26,12 +26,11 @@ class Tables(unittest.TestCase):
                     lines.append(f'printf("{name}.{field} %zu %zu\\n", offsetof({name}, {field}), sizeof((({name}*)0)->{field}));')
                     at = getattr(struct, field)
                     expected[f"{name}.{field}"] = at.offset, at.size
-        program = OPTIONS.work / "structs"
+        program = self.path / "structs"
         source = f"#include <stdio.h>\n#include <shearbus/shearbus.h>\nint main(void) {{ {' '.join(lines)} }}\n"
-        subprocess.run(["cc", f"-I{OPTIONS.source}/client/include", "-x", "c", "-", "-o", program],
-                       input=source, text=True, check=True)
+        self.run_program("cc", f"-I{OPTIONS.source}/client/include", "-x", "c", "-", "-o", program, input=source)
         found = {}
-        for line in subprocess.run([program], check=True, capture_output=True, text=True).stdout.splitlines():
+        for line in self.run_program(program).stdout.splitlines():
             name, *numbers = line.split()
             found[name] = int(numbers[0]) if len(numbers) == 1 else tuple(map(int, numbers))
         self.assertEqual(found, expected)
@@ -43,12 +42,4 @@ class Tables(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--source", required=True, type=pathlib.Path)
-    parser.add_argument("--work", required=True, type=pathlib.Path)
-    OPTIONS, rest = parser.parse_known_args()
-    sys.path.insert(0, str(OPTIONS.source / "client/python"))
-    from shearbus import _library, answer
-
-    OPTIONS.work.mkdir(parents=True, exist_ok=True)
-    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
+    served.main("source")

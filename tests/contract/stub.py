@@ -1,14 +1,16 @@
 #!/usr/bin/python3
 """shearbus_stub.h: a host compiles with it alone, in every language, needs nothing of the library, and says what is missing. The header has every
 function of shearbus.h. stub.py --stub SHEARBUS_STUB_H --source ROOT"""
-import argparse
 import pathlib
 import re
 import shutil
-import subprocess
 import sys
-import tempfile
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import served
+from served import EXAMPLES, OPTIONS
+
+CLIENT = EXAMPLES.parent
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 SAYS = "this program was built without the shearbus library"
 
@@ -41,59 +43,41 @@ int main(void) {
 """
 
 
-def run(*command, expect=0):
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True)
-    if done.returncode != expect:
-        sys.exit(f"{' '.join(map(str, command))}: exit code {done.returncode}, expected {expect}\n{done.stdout}{done.stderr}")
-    return done.stdout + done.stderr
+class Stub(served.Served):
+    def compiled(self, *command):
+        """Compiles a host below `path`, where the stub is. Returns the program."""
+        self.run_program(*command, f"-I{self.path}", "-o", self.path / "host", "-lm")
+        return self.path / "host"
 
+    def assert_says_so(self, program):
+        self.assertEqual(re.findall(r"U (shearbus_\w+)", self.run_program("nm", "-u", program).stdout), [], "it needs nothing of the library")
+        done = self.run_program(program, "constant_friction.toml", code=1)
+        for text in ("NO_LIBRARY", SAYS):
+            self.assertIn(text, done.stdout + done.stderr)
 
-def says_so(program):
-    undefined = re.findall(r"U (shearbus_\w+)", run("nm", "-u", program))
-    if undefined:
-        sys.exit(f"{program.name} needs {undefined} of the library")
-    done = subprocess.run([program, "constant_friction.toml"], capture_output=True, text=True)
-    text = done.stdout + done.stderr
-    if done.returncode == 0 or "NO_LIBRARY" not in text or SAYS not in text:
-        sys.exit(f"{program.name} does not say that it has no library: exit code {done.returncode}\n{text}")
-
-
-def functions(header):
-    return set(re.findall(r"SHEARBUS_API [^;{]*?\b(shearbus_\w+)\(", header))
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--stub", type=pathlib.Path, required=True)
-    parser.add_argument("--source", type=pathlib.Path, required=True)
-    options = parser.parse_args()
-    client = options.source / "client"
-    declared, defined = functions((client / "include/shearbus/shearbus.h").read_text()), functions(options.stub.read_text())
-    if declared != defined or len(declared) < 30:
-        sys.exit(f"shearbus.h and the stub differ in {sorted(declared ^ defined)}, of {len(declared)} functions")
-    with tempfile.TemporaryDirectory(prefix="shearbus-") as scratch:
-        work = pathlib.Path(scratch)
-        shutil.copy(options.stub, work)
-        here = f"-I{work}"
-        (work / "calls.c").write_text(CALLS)
+    def test_hosts_in_every_language_say_that_they_have_no_library(self):
+        stub = shutil.copy(OPTIONS.stub, self.path)
+        functions = [set(re.findall(r"SHEARBUS_API [^;{]*?\b(shearbus_\w+)\(", pathlib.Path(file).read_text()))
+                     for file in (CLIENT / "include/shearbus/shearbus.h", stub)]
+        self.assertEqual(*functions)
+        self.assertGreaterEqual(len(functions[0]), 30)
+        calls, c_host, cxx_host, own = (self.path / name for name in ("calls.c", "host.c", "host.cpp", "stub.c"))
+        calls.write_text(CALLS)
         for compiler in (["gcc", "-std=c99"], ["g++", "-x", "c++", "-std=c++17"]):
-            run(*compiler, *WARNINGS, "-Wconversion", here, work / "calls.c", "-o", work / "calls")
-            run(work / "calls")
-        (work / "host.c").write_text((client / "examples/host.c").read_text().replace("<shearbus/shearbus.h>", '"shearbus_stub.h"'))
-        run("gcc", "-std=c99", *WARNINGS, here, work / "host.c", "-o", work / "host_c", "-lm")
+            self.run_program(self.compiled(*compiler, *WARNINGS, "-Wconversion", calls))
+        c_host.write_text((EXAMPLES / "host.c").read_text().replace("<shearbus/shearbus.h>", '"shearbus_stub.h"'))
+        self.assert_says_so(self.compiled("gcc", "-std=c99", *WARNINGS, c_host))
         # A host in C++ has copies of the headers over the C interface, too.
-        (work / "shearbus").mkdir()
+        (self.path / "shearbus").mkdir()
         for header in ("client.hpp", "contact_law.hpp"):
-            shutil.copy(client / "include/shearbus" / header, work / "shearbus")
-        (work / "host.cpp").write_text('#include "shearbus_stub.h"\n#include "shearbus/contact_law.hpp"\n' + (client / "examples/host.cpp").read_text())
-        run("g++", "-std=c++17", *WARNINGS, here, work / "host.cpp", "-o", work / "host_cxx")
-        (work / "stub.c").write_text('#define SHEARBUS_STUB_EXTERNAL\n#include "shearbus_stub.h"\n')
-        run("gcc", "-std=c99", *WARNINGS, here, "-c", work / "stub.c", "-o", work / "stub.o")
-        run("gfortran", "-std=f2008", f"-J{work}", client / "fortran/shearbus.f90", client / "examples/host.f90", work / "stub.o", "-o", work / "host_f")
-        for program in ("host_c", "host_cxx", "host_f"):
-            says_so(work / program)
-    print(f"{len(declared)} functions; hosts in C, C++ and Fortran say that they have no library")
+            shutil.copy(CLIENT / "include/shearbus" / header, self.path / "shearbus")
+        cxx_host.write_text('#include "shearbus_stub.h"\n#include "shearbus/contact_law.hpp"\n' + (EXAMPLES / "host.cpp").read_text())
+        self.assert_says_so(self.compiled("g++", "-std=c++17", *WARNINGS, cxx_host))
+        own.write_text('#define SHEARBUS_STUB_EXTERNAL\n#include "shearbus_stub.h"\n')
+        self.run_program("gcc", "-std=c99", *WARNINGS, f"-I{self.path}", "-c", own, "-o", self.path / "stub.o")
+        self.assert_says_so(self.compiled("gfortran", "-std=f2008", f"-J{self.path}", CLIENT / "fortran/shearbus.f90", EXAMPLES / "host.f90",
+                                          self.path / "stub.o"))
 
 
 if __name__ == "__main__":
-    main()
+    served.main("stub", "source")
