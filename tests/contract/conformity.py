@@ -15,6 +15,7 @@ import zmq
 import kit_host  # finds the package in the source tree
 import friction_problems
 import problem_answers
+import wire_page
 from shearbus.conformity import SCENARIOS, Refused, command_client, judge, mock_server, play
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -35,7 +36,7 @@ def other_answers():
             def client(endpoint, _):
                 try:
                     found = friction_problems.errors(problem, rows, friction_problems.run(problem, form, endpoint))
-                except friction_problems.shearbus.Error as error:
+                except kit_host.shearbus.Error as error:
                     return str(error)
                 bounds = friction_problems.BOUNDS[problem["name"]]
                 far = any(not error <= 1.1 * bound for error, bound in zip(found, bounds))
@@ -81,22 +82,9 @@ def self_test(chosen):
 
 # -- vectors: frames in hex with their sums and the status of the reply --
 
-def page_frames(page):
-    """Returns {block: frames} of the exchange on the page."""
-    blocks = {}
-    for name, text in re.findall(r"```hex (\w+)\n(.*?)```", page, re.S):
-        frames = blocks[name] = []
-        for line in text.splitlines():
-            if line.startswith("frame "):
-                frames.append(b"")
-            else:
-                frames[-1] += bytes.fromhex(re.match(r"((?:[0-9a-f]{2} ?)+?)(?:  |$)", line)[1])
-    return blocks
-
-
 def vectors(page):
     """Yields (name, frames, status) of a conversation: the exchange of the page, repeated, damaged and ended."""
-    blocks = page_frames(page)
+    blocks = {name: wire_page.frames_of(text) for name, text in wire_page.BLOCK.findall(page)}
     hello, (header, payload) = blocks["hello"][0], blocks["downscale"]
     session = bytes(range(16))
     scene = (

@@ -1,24 +1,17 @@
 #!/usr/bin/python3
-"""Runs the host of client/examples/host.py, in both request forms, on each problem of client/examples/problems, and compares it with the tables.
+"""Runs the host of kit_host.py, in both request forms, on each problem of client/examples/problems, and compares it with the tables.
 
 friction_problems.py [ENDPOINT] [--measure | --self-test]     without an endpoint the server runs in this process
 --measure prints the errors; --self-test runs hosts that begin a thousandth too fast, which must be noticed"""
 import copy
-import importlib.util
-import pathlib
 import sys
 
-SOURCE = pathlib.Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(SOURCE / "client/python"), str(SOURCE / "tests/contract")]
-import numpy  # noqa: E402
-import problem_answers  # noqa: E402
-import shearbus  # noqa: E402
+import kit_host  # finds the package in the source tree
+import numpy
+import problem_answers
 
-spec = importlib.util.spec_from_file_location("host", SOURCE / "client/examples/host.py")
-host = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(host)
-
-PLATE_ZONES, DT, SKIPPED = 200, 1e-9, 20  # SKIPPED: steps after the start and after each front whose T0 is not looked at
+SOURCE = kit_host.SOURCE
+PLATE_ZONES, SKIPPED = 200, 20  # SKIPPED: steps after the start and after each front whose T0 is not looked at
 BOUNDS = {  # problem -> V (m/s), s (relative to its largest), T0 (K); client/examples/problems/README.md has them
     "constant_friction": (1e-7, 1e-9, 0.3),
     "softening_friction": (0.03, 6e-4, 0.5),
@@ -41,43 +34,16 @@ def scene_of(problem):
     return scene
 
 
-def body(problem, side, steps, dt, columns):
-    """Returns the columns of zones of a body; `columns` of them, one for each component of a node."""
-    given = problem["soft" if side > 0 else "hard"]
-    zones = PLATE_ZONES if "thickness_m" in given else steps
-    host.NODES = columns
-    return host.Body(given["density_kg_per_m3"], given["shear_modulus_pa"], 0.0, side, zones, dt)
-
-
 def run(problem, form, endpoint=None):
-    """Returns the times and the jump, stress (both along the line), temperature, and the components of the velocities of a run."""
-    pair = problem_answers.Pair(problem)
-    dt = DT if pair.round_trip == numpy.inf else pair.round_trip / (2 * PLATE_ZONES)
-    steps = int(problem_answers.TIMES[problem["name"]][-1] / dt) + 2
+    """Returns the times and the jump, stress (both along the line), temperature, and the components of the velocities and of the stress of a run."""
     angle = numpy.radians(problem.get("line", {}).get("angle_degrees", 0.0))
     tangent = numpy.array([numpy.cos(angle), numpy.sin(angle)]) if "line" in problem else numpy.ones(1)
-    soft, hard = (body(problem, side, steps, dt, len(tangent)) for side in (1, -1))
-    soft.velocity += pair.jump * tangent[:, None]
-    rows = []
-    shaped = lambda values: values[None, :] if len(tangent) > 1 else values  # one node
-    with shearbus.open(scene_of(problem), [0], endpoint, check_closure="error") as bus:
-        for step in range(steps):
-            length = dt if step else dt / 2
-            pressure = problem["pressure"]["pressure_pa"][numpy.searchsorted(problem["pressure"]["time_s"], step * dt, "right") - 1]
-            jump, far = soft.velocity[:, 0] - hard.velocity[:, 0], (soft.stress[:, 0], hard.stress[:, 0])
-            inputs = {"stress_soft": shaped(far[0]), "stress_hard": shaped(far[1]), "mass_soft": soft.half_mass, "mass_hard": hard.half_mass}
-            if form == "stick":
-                impedance = 1 / (length * (1 / soft.half_mass + 1 / hard.half_mass))
-                free = jump + length * (far[0] / soft.half_mass + far[1] / hard.half_mass)
-                inputs = {"impedance": impedance, "stick_stress": shaped(impedance * free)}
-            answer = bus.step(length, jump=shaped(jump), pressure=pressure, step=step, **inputs)
-            stress = numpy.reshape(answer.stress, -1)
-            for one in (soft, hard):
-                one.accelerate(length, stress)
-                one.deform(dt)
-            rows.append([(step + 0.5) * dt, tangent @ (soft.velocity[:, 0] - hard.velocity[:, 0]), tangent @ stress, answer.temperature[0],
-                         *soft.velocity[:, 0], *hard.velocity[:, 0], *stress])
-    return smooth(numpy.array(rows).T)
+    name = "two_half_spaces" if problem["name"] == "constant_friction" else problem["name"]
+    rows = kit_host.run(endpoint, name, None if form == "far_field" else "stick_form", nodes=1, plate_zones=PLATE_ZONES,
+                        end=problem_answers.TIMES[problem["name"]][-1], jump=problem["start"]["velocity_jump_m_per_s"], scene=scene_of(problem),
+                        check_closure="error")
+    time, soft, hard, stress, temperature = map(numpy.array, zip(*rows))
+    return smooth(numpy.vstack([time, (soft - hard) @ tangent, stress @ tangent, temperature, soft.T, hard.T, stress.T]))
 
 
 def smooth(rows):

@@ -18,7 +18,7 @@ SOURCE = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(SOURCE / "client/python"))
 import numpy  # noqa: E402
 import shearbus  # noqa: E402
-from shearbus.conformity.mock_server import EPOCH, OK, read, varint  # noqa: E402
+from shearbus.conformity.mock_server import EPOCH, OK, WIRE_TYPES, read, varint, write  # noqa: E402
 from shearbus.conformity.problems import Problem  # noqa: E402
 
 spec = importlib.util.spec_from_file_location("host", SOURCE / "client/examples/host.py")
@@ -65,18 +65,20 @@ FAULTS = {
 }
 
 
-def run(endpoint, problem, fault=None):
-    """Runs a host on a problem. Raises shearbus.Error if it cannot."""
-    steps, dt, of = STEPS[problem], example.DT, Problem(problem)
+def run(endpoint, problem, fault=None, nodes=NODES, plate_zones=PLATE_ZONES, end=None, jump=None, scene=None, **options):
+    """Runs a host on a problem, in its own jump (m/s) if one is given, and until a time (s) instead of STEPS. Returns the rows of play().
+    Raises shearbus.Error if it cannot."""
+    of, dt = Problem(problem), example.DT
     plate = of.finite and fault != "plate_without_a_back"
     if of.finite:
-        dt = DEPTH / PLATE_ZONES * numpy.sqrt(2703.0 / 27.6e9)
+        dt = DEPTH / plate_zones * numpy.sqrt(2703.0 / 27.6e9)
+    steps = int(end / dt) + 2 if end else STEPS[problem]
     transit = 2 * dt if fault == "whole_first_step_of_long_zones" else dt
     tangent = [numpy.cos(ANGLE), numpy.sin(ANGLE)] if problem == "turned_line" else [1.0]
-    example.NODES = NODES * len(tangent)
-    soft = example.Body(2703.0, 27.6e9, of.jump, +1, PLATE_ZONES if plate else steps, transit)
+    example.NODES = nodes * len(tangent)
+    soft = example.Body(2703.0, 27.6e9, jump or of.jump, +1, plate_zones if plate else steps, transit)
     hard = example.Body(7900.0, 77e9, 0.0, -1, steps, transit)
-    soft.velocity *= numpy.tile(tangent, NODES)[:, None]
+    soft.velocity *= numpy.tile(tangent, nodes)[:, None]
     if of.masses:
         soft.half_mass, hard.half_mass = of.masses
     masses = [body.half_mass * (2 if fault in ("masses_of_whole_zones", "masses_of_cells") else 1) for body in (soft, hard)]
@@ -84,23 +86,25 @@ def run(endpoint, problem, fault=None):
     masses = [mass / area for mass in masses]
     if fault == "sides_swapped":
         masses.reverse()
-    scene = f"tangential_components = {len(tangent)}\n" + example.SCENE.read_text()
+    scene = scene or f"tangential_components = {len(tangent)}\n" + example.SCENE.read_text()
+    options = {"connect_deadline": 5.0, "reply_deadline": 2.0, "retry_after": RETRY_S, "check_closure": "off", **options}
     with contextlib.ExitStack() as stack:
         if fault in Spoiler.FAULTS:
             endpoint = stack.enter_context(Spoiler(endpoint, fault)).endpoint
-        bus = shearbus.open(scene, range(NODES), endpoint, connect_deadline=5.0, reply_deadline=2.0, retry_after=RETRY_S,
-                            check_closure="off")
-        play(bus, of, fault, steps, dt, soft, hard, masses, area)
+        bus = shearbus.open(scene, range(nodes), endpoint, **options)
+        rows = play(bus, of, fault, steps, dt, soft, hard, masses, area)
         if fault == "never_closes":
             bus.leave()
         bus.__exit__(None)
+    return rows
 
 
 def play(bus, problem, fault, steps, dt, soft, hard, masses, area):
-    """Plays a run of a host into a session."""
+    """Plays a run of a host into a session. Returns of the first node in each step: its middle (s), the velocities of both faces and the stress
+    by their components, and T0."""
     pressure_at = Problem("two_half_spaces").pressure if fault == "pressure_of_the_start" else problem.pressure
-    shaped = lambda rows: rows.reshape(NODES, 2) if bus.components == 2 else rows
-    first = None
+    shaped = lambda rows: rows.reshape(-1, 2) if bus.components == 2 else rows
+    first, rows = None, []
     for step in range(steps):
         if step == 12 and fault in (None, "stick_form"):  # a restart dump, and a restart from it, change nothing
             if bus.mark("dump") != ["dump"]:
@@ -131,34 +135,16 @@ def play(bus, problem, fault, steps, dt, soft, hard, masses, area):
         if problem.masses is None or fault == "stress_of_a_solid":
             for body in (soft, hard):
                 body.deform(dt)
+        rows.append(((step + 0.5) * dt, *(values[:bus.components].copy() for values in (soft.velocity[:, 0], hard.velocity[:, 0], stress)),
+                     answer.temperature[0]))
+    return rows
 
 
 def replaced(header, number, value):
     """Returns a header whose field `number` has another value, or is left out for None."""
-    out, at = b"", 0
-    for found, size in fields_in(header):
-        out += b"" if found == number else header[at:at + size]
-        at += size
-    if value is None:
-        return out
-    fixed = number == REQUEST_ID
-    return out + varint(number << 3 | (1 if fixed else 0)) + (value.to_bytes(8, "little") if fixed else varint(value))
-
-
-def fields_in(header):
-    """Yields the number and the bytes of each field of a header."""
-    at = 0
-    while at < len(header):
-        end = next(end for end in range(at + 2, len(header) + 1) if _is_field(header[at:end]))
-        yield next(iter(read(header[at:end]))), end - at
-        at = end
-
-
-def _is_field(data):
-    try:
-        return len(read(data)) == 1 and sum(map(len, read(data).values())) == 1
-    except (IndexError, ValueError):
-        return False
+    fixed = {field: {1: "fixed64", 5: "fixed32"}.get(kind) for field, kind in WIRE_TYPES.items()}
+    fields = {**read(header), number: [] if value is None else [value]}
+    return write([(field, (fixed[field], one) if fixed.get(field) else one) for field in sorted(fields) for one in fields[field]])
 
 
 MINOR, REQUEST_ID, SEQUENCE, EPOCH_FIELD, STATUS = 3, 4, 6, 7, 9  # fields of the envelope
