@@ -116,12 +116,14 @@ class FrictionEnergy(served.Served):
             for _ in range(4):
                 given, _, _ = self.step(giver)
                 kept, _, _ = self.step(taker)
-            taker.accept(giver.offer([2, 3]))
-            self.assertEqual((list(giver.nodes), list(taker.nodes)), ([1], [7, 2, 3]))
+            self.assertEqual(list(taker.accept(giver.offer([3, 2]))), [3, 2])
+            self.assertEqual((list(giver.nodes), list(taker.nodes)), ([1], [7, 3, 2]))
             sums, heats, _ = self.step(giver)
             self.assertTrue((sums == given[:, :1] + heats).all())
             sums, heats, _ = self.step(taker)
-            self.assertTrue((sums == np.hstack([kept, given[:, 1:]]) + heats).all())
+            self.assertTrue((sums == np.hstack([kept, given[:, [2, 1]]]) + heats).all())
+            taker.retire([7])
+            self.assertEqual(list(taker.nodes), [3, 2])
 
     def test_a_scene_without_the_key_has_no_sums(self):
         with self.assertRaisesRegex(shearbus.Error, "friction_energy"):
