@@ -6,7 +6,6 @@ report.py --hydro ... --replay ... --report ... --source ... [--screenshots DIR]
 pages"""
 import argparse
 import contextlib
-import importlib.util
 import io
 import json
 import os
@@ -23,9 +22,15 @@ import unittest
 import h5py
 import numpy as np
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2] / room) for room in ("client/report", "tests/support")]
 import browser as browsers  # noqa: E402
+import plot_cone  # noqa: E402
+import plot_histories  # noqa: E402
+import report as report_program  # noqa: E402
+import runs  # noqa: E402
 import served  # noqa: E402
+import style  # noqa: E402
+from findings import number  # noqa: E402
 from served import OPTIONS  # noqa: E402
 
 LARGEST = 3_000_000  # bytes of a report
@@ -82,11 +87,6 @@ def run(*words, code=0):
 class Report(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        room = OPTIONS.source / "client/report"
-        sys.path.append(str(room))
-        spec = importlib.util.spec_from_file_location("report_program", room / "report.py")  # this file is a module "report", too
-        sys.modules["report_program"] = program = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(program)
         cls.scratch = tempfile.TemporaryDirectory()
         cls.path = path = pathlib.Path(cls.scratch.name)
         problems = OPTIONS.source / "hydro_stub/problems"
@@ -117,8 +117,6 @@ class Report(unittest.TestCase):
     @classmethod
     def paper(cls):
         """Returns a directory with figures of the paper."""
-        import style
-
         directory = cls.path / "figures"
         figure, axis = style.figure(1, 1, (6, 3))
         axis.plot([0, 1])
@@ -127,17 +125,12 @@ class Report(unittest.TestCase):
         return directory
 
     def test_the_free_surface_begins_on_the_axis(self):
-        import runs
-
         with h5py.File(self.cones[0] / "free_surface.h5") as file:
             on_axis = file["axial_velocity"][:, int(file["radius"][0].argmin())]
             self.assertGreater(file["radius"][0, 0], file["radius"][0, -1], "the file follows the surface, from the rim")
         np.testing.assert_array_equal(runs.Run(self.cones[0]).surface[1][:, 0], on_axis)
 
     def test_a_footer_has_scene_program_version_commit_and_date(self):
-        import runs
-        import style
-
         for path in (self.cones[0], self.column, self.result):
             block = runs.Run(path).provenance
             facts = [block[fact] for fact in ("scene", "program", "version", "commit")] + [block["date"][:10]]
@@ -146,8 +139,6 @@ class Report(unittest.TestCase):
                 self.assertIn(fact, style.provenance_text(block))
 
     def test_an_open_contact_does_not_look_like_zero(self):
-        import style
-
         zero = style.plt.colormaps[style.COLOUR_MAPS["signed"]](0.5)
         self.assertGreater(min(zero[:3]), 0.1 + int(style.OPEN[1:3], 16) / 255)
 
@@ -174,8 +165,6 @@ class Report(unittest.TestCase):
         self.assertTrue("kept no profiles" in column)
 
     def test_runs_of_one_law_are_told_apart_by_label_and_colour(self):
-        import runs
-
         others = []
         for value in ("100e6", "200e6"):
             others.append(self.path / f"result-{value}.h5")
@@ -194,8 +183,6 @@ class Report(unittest.TestCase):
         for value in ("100e6", "200e6"):  # a what-if does not pass for the original
             self.assertIn(f"paper_velocity_driven with soft.yield_strength_pa={value}", re.search("<h1>(.*?)</h1>", page.read_text())[1])
         # Runs that end at other times are drawn to their own ends.
-        import plot_histories
-
         figure, _ = plot_histories.histories(runs.read([self.column, others[0]]))
         ends = [axis.get_xlim()[1] for axis in figure.axes[:2]]
         plot_histories.plt.close(figure)
@@ -214,8 +201,6 @@ class Report(unittest.TestCase):
             self.assertNotIn("Traceback", done.stderr)
 
     def test_the_head_says_in_words_what_was_found(self):
-        from findings import number
-
         found = []
         for cone in self.cones:
             summary = json.loads((cone / "summary.json").read_text())
@@ -245,19 +230,13 @@ class Report(unittest.TestCase):
             self.assertTrue((self.reports["cone"].parent / name).is_file(), name)
 
     def test_nothing_slides_on_an_open_contact(self):
-        import numpy
-        import runs
-
         found = runs.Run(self.result)
         is_open = found["regime"] == 0
-        self.assertTrue(is_open.any() and (numpy.abs(found["sliding_velocity"][is_open]) > 1.0).any())  # the answer is a velocity there, too
-        self.assertTrue(numpy.isnan(found.drawn("sliding_velocity")[is_open]).all())
-        self.assertTrue(numpy.isfinite(found.drawn("sliding_velocity")[~is_open]).all())
+        self.assertTrue(is_open.any() and (np.abs(found["sliding_velocity"][is_open]) > 1.0).any())  # the answer is a velocity there, too
+        self.assertTrue(np.isnan(found.drawn("sliding_velocity")[is_open]).all())
+        self.assertTrue(np.isfinite(found.drawn("sliding_velocity")[~is_open]).all())
 
     def test_leaders_cross_no_label_and_legends_have_no_lonely_row(self):
-        import plot_cone
-        import style
-
         figure, axis = style.figure(1, 1, (5.5, 4.2), legend=True)
         heights = {"free slip": 552.0, "Coulomb–Tresca (DLP 5)": 550.0, "subgrid server": 548.0, "stick": 400.0}
         for height in heights.values():
@@ -278,10 +257,6 @@ class Report(unittest.TestCase):
         self.assertNotEqual(plot_cone.ISOLINES, plot_cone.FRONT["color"])
 
     def test_the_scale_of_a_map_shows_every_value_and_lines_stand_at_theirs(self):
-        import plot_cone
-        import runs
-        import style
-
         found = [runs.Run(cone) for cone in self.cones]
         for name in plot_cone.MAPS[1:]:
             _, span, extend = plot_cone.map_scale(found, name)
@@ -413,13 +388,13 @@ class Report(unittest.TestCase):
         content = bytearray(damaged.read_bytes())
         content[content.index(b"GCOL") + 50] ^= 0xff  # of the size of the second text
         damaged.write_bytes(content)
-        for runs, text in (([damaged], "HDF5 does not survive its texts"), ([self.path / "gone"], "no such run"), ([empty], "neither fields.xmf nor history.h5"), ([self.path / "cone.toml"], "cannot be read"),
+        for words, text in (([damaged], "HDF5 does not survive its texts"), ([self.path / "gone"], "no such run"), ([empty], "neither fields.xmf nor history.h5"), ([self.path / "cone.toml"], "cannot be read"),
                            ([self.path / "history.h5"], "no dataset"), ([broken], "interface.h5"), ([both], "found fields.xmf and history.h5"),
                            ([laws], "found another interface_law in interface.h5 than in summary.json: subgrid and coulomb_tresca"), ([surfaces], "in interface.h5 than in free_surface.h5"), ([bad_summary], "summary.json"), ([deep], "nested too deep"),
                            ([self.column, "--figures", elsewhere], "in the same directory"), ([self.column, "--figures", piped], "in the same directory"),
                            ([self.column, "--figures", pipe], "no regular file"),
                            ([self.column, "--figures", empty], "figures.json")):
-            said = self.refused(*runs, "-o", out)
+            said = self.refused(*words, "-o", out)
             self.assertIn(text, said)
             self.assertEqual(said.count("\n"), 1, said)
             self.assertTrue(said.startswith("shearbus-report: "))
@@ -438,9 +413,6 @@ class Report(unittest.TestCase):
             self.assertNotIn(text, self.reports["one"].read_text() + self.reports["replay"].read_text())
 
     def test_each_kind_of_run_has_its_pictures(self):
-        import plot_cone
-        import plot_histories
-
         for program, run, other in ((plot_cone, self.column, "plot_histories.py"), (plot_histories, self.cones[0], "plot_cone.py")):
             words, sys.argv = sys.argv, ["plot", str(run), "--out", str(self.path / "none")]
             try:
@@ -469,8 +441,6 @@ class Report(unittest.TestCase):
     @classmethod
     def program(cls, *words):
         """Runs the program in this process, because most of its time is that of imports. Returns its exit code."""
-        import report_program
-
         words, sys.argv = sys.argv, ["shearbus-report", *map(str, words)]
         try:
             with contextlib.redirect_stdout(io.StringIO()):
