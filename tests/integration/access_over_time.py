@@ -1,6 +1,5 @@
 """A server over time and seen by others than its operator: a key that is taken off the list, a socket whose file is
-removed, endpoints and host names that mean nothing, what a user who is no operator is told. Needs --server, --ctl and
---source."""
+removed, endpoints and host names that mean nothing, what a user who is no operator is told."""
 import json
 import os
 import pathlib
@@ -9,16 +8,14 @@ import signal
 import subprocess
 import sys
 import time
-import unittest
 import urllib.request
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served  # noqa: E402
 import shearbus  # noqa: E402
+from served import EXAMPLES, OPTIONS  # noqa: E402
 
-OPTIONS, REST = served.options("server", "ctl", "source")
-
-SCENE = pathlib.Path(OPTIONS.source) / "client/examples/constant_friction.toml"
+SCENE = EXAMPLES / "constant_friction.toml"
 
 
 class OverTime(served.Served):
@@ -192,4 +189,4 @@ class OverTime(served.Served):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *REST])
+    served.main()

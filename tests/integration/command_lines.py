@@ -13,9 +13,13 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served  # noqa: E402
-from served import OPTIONS  # noqa: E402
+from served import OPTIONS, SOURCE  # noqa: E402
 
 KEYS = ["program", "version", "commit", "build", "compiler", "protocol", "numerics", "libzmq", "hdf5", "protobuf", "registers"]
+
+
+def programs():
+    return [OPTIONS.server, OPTIONS.ctl, OPTIONS.hydro, OPTIONS.replay, OPTIONS.study]
 
 
 def run(*command, **more):
@@ -25,7 +29,7 @@ def run(*command, **more):
 class Programs(unittest.TestCase):
     def test_version_says_what_the_program_is(self):
         found = []
-        for program in OPTIONS.programs:
+        for program in programs():
             with self.subTest(program=program.name):
                 text = run(program, "--version")
                 self.assertEqual(text.returncode, 0, text.stderr)
@@ -44,19 +48,18 @@ class Programs(unittest.TestCase):
                 self.assertIn(version["registers"], ("4 doubles (AVX2)", "2 doubles"))
                 found.append(version)
         self.assertEqual(len({json.dumps(version) for version in found}), 1, "all programs are of one build")
-        head = run("git", "-C", OPTIONS.source, "rev-parse", "--short=12", "HEAD") if (OPTIONS.source / ".git").exists() else None
+        head = run("git", "-C", SOURCE, "rev-parse", "--short=12", "HEAD") if (SOURCE / ".git").exists() else None
         if head is not None and head.returncode == 0:
             self.assertRegex(found[0]["commit"], r"^[0-9a-f]{12}(\+dirty)?$", "a build of a repository knows its commit")
 
     def test_the_report_says_its_version_in_the_form_of_the_other_programs(self):
         entries = json.loads(run(OPTIONS.report, "--version", "--json").stdout)
         self.assertEqual(list(entries), ["program", "version", "commit", "python", "jinja2", "matplotlib", "numpy", "h5py", "PIL"])
-        control = next(program for program in OPTIONS.programs if program.name == "shearbus-ctl")
-        other = json.loads(run(control, "--version", "--json").stdout)
+        other = json.loads(run(OPTIONS.ctl, "--version", "--json").stdout)
         self.assertEqual((entries["version"], entries["commit"]), (other["version"], other["commit"]))
         text = run(OPTIONS.report, "--version").stdout.splitlines()
         self.assertEqual(text[0], f"shearbus-report {other['version']}")
-        form = [len(re.match(r"  \w+ +", line)[0]) for line in run(control, "--version").stdout.splitlines()[1:]]
+        form = [len(re.match(r"  \w+ +", line)[0]) for line in run(OPTIONS.ctl, "--version").stdout.splitlines()[1:]]
         self.assertEqual([re.match(r"  (\w+) +(.*)", line).groups() for line in text[1:]], list(entries.items())[2:])
         self.assertEqual({len(re.match(r"  \w+ +", line)[0]) for line in text[1:]}, set(form))
         for wrong, said in ((["--json"], "--json needs --version"), ([], "required: RUN")):
@@ -65,7 +68,7 @@ class Programs(unittest.TestCase):
             self.assertIn(said, done.stderr)
 
     def test_what_cannot_be_printed_is_no_success(self):
-        for program in OPTIONS.programs:
+        for program in programs():
             for option in ("--help", "--version"):
                 with self.subTest(program=program.name, option=option), open("/dev/full", "w") as full:
                     done = subprocess.run([program, option], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
@@ -73,7 +76,7 @@ class Programs(unittest.TestCase):
                     self.assertIn("standard output could not be written", done.stderr)
 
     def test_help_is_for_people(self):
-        for program in OPTIONS.programs:
+        for program in programs():
             commands = [[]]
             top = run(program, "--help").stdout
             if "Subcommands:\n" in top:
@@ -90,7 +93,6 @@ class Programs(unittest.TestCase):
             self.assertIn("Exit codes: 0", top)
 
     def test_a_misspelt_word_gets_the_nearest_known_one_and_exit_code_2(self):
-        program = {p.name: p for p in OPTIONS.programs}
         for command, expected in (
             (["shearbus-server", "--bind", "ipc:///nowhere/s", "--stat-dir", "x"], "--stat-dir is no option of shearbus-server; did you mean --state-dir?"),
             (["shearbus-server", "--bin", "ipc:///nowhere/s"], "--bin is no option of shearbus-server; did you mean --bind?"),
@@ -118,7 +120,7 @@ class Programs(unittest.TestCase):
             (["shearbus-study", "precison"], "precison is no command of shearbus-study; did you mean precision?"),
         ):
             with self.subTest(command=command):
-                done = run(program[command[0]], *command[1:])
+                done = run(pathlib.Path(OPTIONS.build, "bin", command[0]), *command[1:])
                 self.assertEqual((done.returncode, done.stdout), (2, ""), done.stderr)
                 self.assertEqual(done.stderr.splitlines()[0], f"{command[0]}: {expected}")
                 self.assertIn(f"Run {command[0]} --help", done.stderr)
@@ -129,7 +131,6 @@ class Rehearsal(served.Served):
 
     def setUp(self):
         super().setUp()
-        self.program = {p.name: p for p in OPTIONS.programs}
 
     def start(self, *command, until):
         process = served.program(self, *command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
@@ -137,7 +138,7 @@ class Rehearsal(served.Served):
         return process
 
     def rehearse(self, endpoint, code, said, *options):
-        done = run(self.program["shearbus-ctl"], "rehearse", *options, endpoint)
+        done = run(OPTIONS.ctl, "rehearse", *options, endpoint)
         self.assertEqual((done.returncode, done.stdout), (code, ""), done.stderr)
         self.assertIn(said, done.stderr)
         self.assertNotIn("Traceback", done.stderr)
@@ -154,25 +155,25 @@ class Rehearsal(served.Served):
         self.assertEqual((self.path / "file").read_text(), "precious")
 
     def test_the_wait_for_a_host_ends_in_time(self):
-        done = run(self.program["shearbus-ctl"], "rehearse", "--timeout", "0.2", f"ipc://{self.path}/s")
+        done = run(OPTIONS.ctl, "rehearse", "--timeout", "0.2", f"ipc://{self.path}/s")
         self.assertEqual((done.returncode, done.stderr), (1, ""))
         self.assertIn("the host sent no request", done.stdout)
 
     def test_the_socket_of_a_server_is_not_taken(self):
         endpoint = f"ipc://{self.path}/s"
-        server = self.start(self.program["shearbus-server"], "--bind", endpoint, until="listening on")
+        server = self.start(OPTIONS.server, "--bind", endpoint, until="listening on")
         self.rehearse(endpoint, 1, f"a server listens on {endpoint}")
         (self.path / "s.lock").unlink()
         self.rehearse(endpoint, 1, f"a server listens on {endpoint}")
-        self.assertNotIn("mock", run(self.program["shearbus-ctl"], "ping", "--server", endpoint).stdout)
+        self.assertNotIn("mock", run(OPTIONS.ctl, "ping", "--server", endpoint).stdout)
         server.terminate()
         self.assertNotIn("ALARM", server.communicate(timeout=30)[0])
 
     def test_the_socket_goes_with_the_rehearsal(self):
         endpoint = f"ipc://{self.path}/s"
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            kit = self.start(self.program["shearbus-ctl"], "rehearse", endpoint, until="waiting at")
-            refused = run(self.program["shearbus-server"], "--bind", endpoint)
+            kit = self.start(OPTIONS.ctl, "rehearse", endpoint, until="waiting at")
+            refused = run(OPTIONS.server, "--bind", endpoint)
             self.assertEqual(refused.returncode, 1)
             self.assertIn("another server listens on", refused.stderr)
             kit.send_signal(number)
@@ -189,36 +190,33 @@ NO_COUNTS = (*NO_NUMBERS, "-1", "+1", "1.5", "1e3", str(2**64))
 
 def python_programs():
     """Yields (program, option, its number is whole, command up to the value) of the Python programs that pages name."""
-    source = OPTIONS.source
     python = ["/usr/bin/python3", "-B"]
-    study = next(program for program in OPTIONS.programs if program.name == "shearbus-study")
-    control = next(program for program in OPTIONS.programs if program.name == "shearbus-ctl")
     for program, option, whole, command in (
-        ("fit", "--starts", True, [study, "fit", "x.toml", "--parameter", "a.b=1:2"]),
-        ("mesh", "--meshes", False, [study, "mesh"]),
-        ("map", "--dt", False, [study, "map", "x.toml", "--out", "x"]),
-        ("map", "--pressures", True, [study, "map", "x.toml", "--out", "x"]),
-        ("rehearse", "--timeout", False, [control, "rehearse", "ipc:///nowhere/s"]),
-        ("rehearse", "--delay", False, [control, "rehearse", "ipc:///nowhere/s"]),
-        ("plot_history.py", "--node", True, [*python, source / "client/report/plot_history.py", "x.h5", "--out", "x.png"]),
-        ("plot_overview.py", "--time", False, [*python, source / "client/report/plot_overview.py", "x", "y", "--out", "x.png"]),
-        ("make_history.py", "--steps", True, [*python, source / "client/examples/make_history.py", "ramp", "/dev/null"]),
-        ("make_history.py", "--dt", False, [*python, source / "client/examples/make_history.py", "ramp", "/dev/null"]),
-        ("make_history.py", "--velocity", False, [*python, source / "client/examples/make_history.py", "ramp", "/dev/null"]),
-        ("make_history.py", "--pressure", False, [*python, source / "client/examples/make_history.py", "constant", "/dev/null"]),
-        ("cone_sweep.py", "--end", False, [*python, source / "tests/validation/cone_sweep.py", "--hydro", "x"]),
-        ("run.py", "--cpus", True, [*python, source / "tests/bench/run.py", "--bin", "/nowhere"]),
-        ("scale.py", "--steps", True, [*python, source / "tests/bench/scale.py"]),
-        ("network.py", "--delays", False, [*python, source / "tests/bench/network.py"]),
-        ("soak.py", "--seed", True, [*python, source / "tests/durability/soak.py"])):
+        ("fit", "--starts", True, [OPTIONS.study, "fit", "x.toml", "--parameter", "a.b=1:2"]),
+        ("mesh", "--meshes", False, [OPTIONS.study, "mesh"]),
+        ("map", "--dt", False, [OPTIONS.study, "map", "x.toml", "--out", "x"]),
+        ("map", "--pressures", True, [OPTIONS.study, "map", "x.toml", "--out", "x"]),
+        ("rehearse", "--timeout", False, [OPTIONS.ctl, "rehearse", "ipc:///nowhere/s"]),
+        ("rehearse", "--delay", False, [OPTIONS.ctl, "rehearse", "ipc:///nowhere/s"]),
+        ("plot_history.py", "--node", True, [*python, SOURCE / "client/report/plot_history.py", "x.h5", "--out", "x.png"]),
+        ("plot_overview.py", "--time", False, [*python, SOURCE / "client/report/plot_overview.py", "x", "y", "--out", "x.png"]),
+        ("make_history.py", "--steps", True, [*python, SOURCE / "client/examples/make_history.py", "ramp", "/dev/null"]),
+        ("make_history.py", "--dt", False, [*python, SOURCE / "client/examples/make_history.py", "ramp", "/dev/null"]),
+        ("make_history.py", "--velocity", False, [*python, SOURCE / "client/examples/make_history.py", "ramp", "/dev/null"]),
+        ("make_history.py", "--pressure", False, [*python, SOURCE / "client/examples/make_history.py", "constant", "/dev/null"]),
+        ("cone_sweep.py", "--end", False, [*python, SOURCE / "tests/validation/cone_sweep.py", "--hydro", "x"]),
+        ("run.py", "--cpus", True, [*python, SOURCE / "tests/bench/run.py", "--bin", "/nowhere"]),
+        ("scale.py", "--steps", True, [*python, SOURCE / "tests/bench/scale.py"]),
+        ("network.py", "--delays", False, [*python, SOURCE / "tests/bench/network.py"]),
+        ("soak.py", "--seed", True, [*python, SOURCE / "tests/durability/soak.py"])):
         yield program, option, whole, [*command, option]
 
 
 class PythonPrograms(unittest.TestCase):
     def test_an_example_says_in_a_line_why_it_cannot_go_on(self):
-        examples = OPTIONS.source / "client/examples"
+        examples = SOURCE / "client/examples"
         without = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-        client = {**without, "PYTHONPATH": str(OPTIONS.source / "client/python"), "LC_ALL": "C"}
+        client = {**without, "PYTHONPATH": str(SOURCE / "client/python"), "LC_ALL": "C"}
         for words, code, said, environment in (
                 (["make_history.py", "constant", "/dev/null/x.h5"], 1, "/dev/null/x.h5 cannot be written", without),
                 (["make_history.py", "constant", "/dev/full"], 1, "/dev/full cannot be written", without),
@@ -235,7 +233,7 @@ class PythonPrograms(unittest.TestCase):
     def test_lines_of_the_library_have_its_name_unless_the_host_logs(self):
         for configured, expected in (("", "shearbus: waiting for x\n"), ("logging.basicConfig(); ", "WARNING:shearbus:waiting for x\n")):
             done = run("/usr/bin/python3", "-B", "-c", f"import logging; {configured}from shearbus import _library; _library.say(b'waiting for x')",
-                       env={**os.environ, "PYTHONPATH": str(OPTIONS.source / "client/python")})
+                       env={**os.environ, "PYTHONPATH": str(SOURCE / "client/python")})
             self.assertEqual(done.stderr, expected)
 
     def test_numbers_have_the_rule_of_the_other_programs(self):
@@ -254,9 +252,8 @@ class PythonPrograms(unittest.TestCase):
 
     def test_the_reader_is_that_of_the_other_programs(self):
         """By the reader of shearbus-server: what one takes, the other takes."""
-        sys.path.insert(0, str(OPTIONS.source / "client/report"))
+        sys.path.insert(0, str(SOURCE / "client/report"))
         import terminal
-        server = next(program for program in OPTIONS.programs if program.name == "shearbus-server")
         for text in (*NO_COUNTS, "1", "007", "1e2", "+1e2", "1.", ".5", "2.5E+1", "1e-400", "1e", "e1", ".", "1.e1", "+", "1f", "--1"):
             for reader, option in ((terminal.whole_number, "--threads"), (terminal.real_number, "--checkpoint-every")):
                 try:
@@ -264,7 +261,7 @@ class PythonPrograms(unittest.TestCase):
                     taken = True
                 except argparse.ArgumentTypeError:
                     taken = False
-                said = run(server, f"{option}={text}", "--bind", "nowhere").stderr
+                said = run(OPTIONS.server, f"{option}={text}", "--bind", "nowhere").stderr
                 with self.subTest(text=text, option=option):
                     self.assertEqual(f"{option}: expected" not in said, taken, said)
 
@@ -279,7 +276,7 @@ class Scripts(unittest.TestCase):
     def test_help_prints_the_comment_and_starts_nothing(self):
         for script in ("run", "test", "fuzz", "sanitize", "endure", "build", "coverage", "tidy", "docs/build"):
             with self.subTest(script=script):
-                file = OPTIONS.source / "deploy" / script
+                file = SOURCE / "deploy" / script
                 done = run(file, "--help", env={**os.environ, "SHEARBUS_BUILD_DIR": "/nonexistent/build"})
                 self.assertEqual(done.returncode, 0, done.stderr)
                 comment = re.match(r"#!.*\n((?:# ?.*\n)+)", file.read_text())[1]
@@ -295,7 +292,7 @@ class Scripts(unittest.TestCase):
                 (place / name).write_text(f"#!/bin/bash\n{does}\n")
                 (place / name).chmod(0o755)
             environment = {**os.environ, "PATH": f"{place}:{os.environ['PATH']}", "SHEARBUS_BUILD_DIR": str(place), "SHEARBUS_OUT": str(place / "out")}
-            job = served.program(self, OPTIONS.source / "deploy/run", env=environment, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            job = served.program(self, SOURCE / "deploy/run", env=environment, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
                                  preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
             served.until(self, lambda: len(list(place.glob("started-*"))) == 2, job)
             os.killpg(job.pid, signal.SIGINT)
@@ -306,12 +303,12 @@ class Scripts(unittest.TestCase):
 
     def test_an_unknown_sanitizer_is_refused_by_the_name_of_the_script(self):
         for words, found in (((), "nothing"), (("foo",), "foo")):
-            done = run(OPTIONS.source / "deploy/sanitize", *words)
+            done = run(SOURCE / "deploy/sanitize", *words)
             self.assertEqual((done.returncode, done.stderr), (2, f"deploy/sanitize: expected address or thread, found {found}\n"))
 
     def test_sourced_by_a_user_prepare_changes_no_shell(self):
         """With set -e the next command that fails would close the terminal."""
-        file = OPTIONS.source / "deploy/prepare.sh"
+        file = SOURCE / "deploy/prepare.sh"
         done = run("bash", "--norc", "-ic", f"source {file}; false; echo still here $-")
         self.assertRegex(done.stdout, r"still here (?!\S*[eu])")
         self.assertIn("deploy/build programs", done.stderr)
@@ -320,12 +317,12 @@ class Scripts(unittest.TestCase):
         with tempfile.TemporaryDirectory() as place:  # a job that is its launch_server alone
             pathlib.Path(place, "job.sh").write_text('directory=/d; serve() { echo "$2"; }; run_job() { launch_server 0; }\n')
             for directory, expected in (("/scratch", "/scratch"), ("/" + 91 * "s", "/" + 91 * "s"), ("/" + 92 * "s", "/tmp"), ("/" + 60 * "\u00e9", "/tmp"), ("", "/tmp")):
-                done = run("bash", OPTIONS.source / "deploy/slurm/one_node.sbatch",
+                done = run("bash", SOURCE / "deploy/slurm/one_node.sbatch",
                            env={**os.environ, "SHEARBUS_SLURM": place, "SLURM_JOB_ID": "7", "TMPDIR": directory, "LC_ALL": "C.UTF-8"})
                 self.assertEqual((done.stdout, done.stderr), (f"ipc://{expected}/shearbus-7/bus\n", ""))
 
     def test_headings_have_no_colours_off_a_terminal_or_with_no_color(self):
-        say = f"source {OPTIONS.source}/deploy/prepare.sh; say heading"
+        say = f"source {SOURCE}/deploy/prepare.sh; say heading"
         self.assertEqual(run("bash", "-c", say).stdout, "\n== heading\n")
         on_terminal = run("script", "-qec", f"bash -c '{say}'", "/dev/null")
         self.assertIn("\x1b[1m", on_terminal.stdout)
@@ -335,8 +332,4 @@ class Scripts(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--source", type=pathlib.Path, required=True)
-    parser.add_argument("--programs", type=pathlib.Path, nargs="+", required=True)
-    parser.add_argument("--report", type=pathlib.Path, required=True)
-    served.main(parser=parser)
+    served.main()

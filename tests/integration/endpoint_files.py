@@ -345,4 +345,4 @@ class EndpointFiles(served.Served):
 
 
 if __name__ == "__main__":
-    served.main("server", "ctl", "hydro", "source")
+    served.main()

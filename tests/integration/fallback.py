@@ -1,20 +1,18 @@
-"""The host's own law in Python, while the server is gone: flagged, counted, and only where the user allows it. Needs --server and --source."""
+"""The host's own law in Python, while the server is gone: flagged, counted, and only where the user allows it."""
 import os
 import pathlib
 import signal
 import sys
 import time
-import unittest
 
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served  # noqa: E402
 import shearbus  # noqa: E402
+from served import EXAMPLES, OPTIONS  # noqa: E402
 
-OPTIONS, REST = served.options("server", "source")
-
-SCENE = pathlib.Path(OPTIONS.source) / "client/examples/constant_friction.toml"
+SCENE = EXAMPLES / "constant_friction.toml"
 INPUTS = {"jump": 100.0, "pressure": np.array([1e8, 2e8, 3e8]), "stress_soft": 0.0, "stress_hard": 0.0, "mass_soft": 4e-3, "mass_hard": 12e-3}
 
 
@@ -92,4 +90,4 @@ class Fallback(served.Served):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *REST])
+    served.main()

@@ -10,8 +10,8 @@ import unittest
 import replay_support as support
 import served
 from replay_support import h5py, np
+from served import OPTIONS
 
-support.PROGRAMS.update(ctl=None, report=None)
 PROBLEMS = support.PROBLEMS
 SCENE = support.EXAMPLES / "paper_velocity_driven_graded.toml"
 
@@ -141,7 +141,7 @@ class Outputs(Files):
 
 class TwoRuns(Files):
     def start(self, program, *arguments):
-        return served.program(self, support.PROGRAMS[program], *arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        return served.program(self, getattr(OPTIONS, program), *arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
     def test_of_two_replays_to_one_file_each_success_is_true(self):
         for delay in (0.0, 0.05, 0.2):
@@ -450,4 +450,4 @@ class Numbers(Files):
 
 
 if __name__ == "__main__":
-    support.main()
+    served.main()

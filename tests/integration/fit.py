@@ -139,7 +139,7 @@ class Fit(served.Served):
             for x in (0.5 - 2e-3, 0.5 + 2e-3):
                 out, values = self.path / "alone.h5", {other: begin + (x if other == key else 0.5) * (end - begin) for other, (begin, end) in ranges.items()}
                 changes = [word for name, value in values.items() for word in ("--set", f"{name}={value!r}")]
-                self.run_program(OPTIONS.hydro.replace("shearbus-hydro", "shearbus-replay"), history, "--scene", scene, *changes, "--out", out, "--no-progress")
+                self.run_program(OPTIONS.replay, history, "--scene", scene, *changes, "--out", out, "--no-progress")
                 with h5py.File(out) as file:
                     answers.append({name: file[name][:] for name in ("shear_stress", "sliding_velocity", "interface_temperature")})
             for name, high_answer in answers[1].items():
@@ -191,7 +191,7 @@ class Fit(served.Served):
     def constants_of(self, metal):
         scene = self.path / "metal.toml"
         scene.write_text(metal_scene(metal))
-        return tomllib.loads(self.run_program(OPTIONS.study.replace("shearbus-study", "shearbus-ctl"), "check", scene).stdout)["soft"]
+        return tomllib.loads(self.run_program(OPTIONS.ctl, "check", scene).stdout)["soft"]
 
     def test_wrong_input_is_refused_in_a_sentence(self):
         def table(name, text):
@@ -215,4 +215,4 @@ class Fit(served.Served):
 
 
 if __name__ == "__main__":
-    served.main("study", "hydro")
+    served.main()

@@ -1,19 +1,17 @@
 """The friction energy of nodes over a run (scenes with friction_energy = true): the sums of the ledger's heat of either body, bit by bit, through
-trials, marks, absences, a killed server and a resumed session; refused where the ledger is. Needs --server and --source."""
+trials, marks, absences, a killed server and a resumed session; refused where the ledger is."""
 import pathlib
 import signal
 import sys
-import unittest
 
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served  # noqa: E402
 import shearbus  # noqa: E402
+from served import EXAMPLES, OPTIONS  # noqa: E402
 
-OPTIONS, REST = served.options("server", "source")
-
-ONE_SIDED = (pathlib.Path(OPTIONS.source) / "client/examples/softening_friction.toml").read_text(encoding="utf8")
+ONE_SIDED = (EXAMPLES / "softening_friction.toml").read_text(encoding="utf8")
 TWO_SIDED = ONE_SIDED + '[hard_layer]\nthickness_m = 30e-6\n'
 SUMS = ["friction_energy_soft", "friction_energy_hard"]
 STEP = ["heat_to_soft", "heat_to_hard"]
@@ -143,4 +141,4 @@ class FrictionEnergy(served.Served):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *REST])
+    served.main()

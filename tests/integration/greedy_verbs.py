@@ -1,5 +1,5 @@
 """A user of ten nodes beside one who asks for much of every verb: the server gives no request more than a short turn
-before it looks at the others. Needs --server, --ctl and --source."""
+before it looks at the others."""
 import argparse
 import contextlib
 import json
@@ -18,7 +18,7 @@ import shearbus  # noqa: E402
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--neighbour", nargs=2, metavar=("ENDPOINT", "PID"), help="act as the user of ten nodes until an interrupt")
-OPTIONS, REST = served.options("server", "ctl", "source", parser=parser)
+OPTIONS, REST = served.options(parser=parser)
 
 PLAIN = served.scene("velocity_driven")
 CELLS = "[layer]\ncells = 60\n"
@@ -62,8 +62,8 @@ class Greedy(served.Served):
 
     def serve(self, *arguments):
         server = served.serve(self, self.log(), OPTIONS.server, "--bind", self.bus, "--threads", "1", *arguments)
-        other = subprocess.Popen([sys.executable, "-B", __file__, "--server", OPTIONS.server, "--ctl", OPTIONS.ctl, "--source",
-                                  OPTIONS.source, "--neighbour", self.bus, str(server.pid)], stdout=subprocess.PIPE, text=True)
+        other = subprocess.Popen([sys.executable, "-B", __file__, "--build", OPTIONS.build, "--neighbour", self.bus, str(server.pid)],
+                                 stdout=subprocess.PIPE, text=True)
         self.assertEqual(other.stdout.readline(), "ready\n")
         self.addCleanup(other.stdout.close)
         self.addCleanup(other.wait)

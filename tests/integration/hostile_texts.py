@@ -1,12 +1,10 @@
 """Texts of strangers (scenes, tables, files and their names, endpoint files) with commands to a terminal and ends of
-lines in every place: no program prints them, and none makes a second line of them. Needs --server, --ctl, --hydro,
---replay, --study, --report and --source."""
+lines in every place: no program prints them, and none makes a second line of them."""
 import os
 import pathlib
 import re
 import subprocess
 import sys
-import unittest
 
 import h5py
 import numpy as np
@@ -14,10 +12,7 @@ import numpy as np
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served
 import shearbus
-from served import PROBLEMS
-
-OPTIONS, REST = served.options("server", "ctl", "hydro", "replay", "study", "report", "source")
-os.environ["SHEARBUS_SERVER"] = OPTIONS.server  # of the sessions below
+from served import OPTIONS, PROBLEMS
 
 EVIL = "x\x1b[2J\x07\u009b31m\u202e\nforged: line"
 TOML = '"x\\u001b[2J\\u0007\\u009b31m\\u202e\\nforged: line"'
@@ -26,6 +21,10 @@ COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e]")
 
 
 class HostileTexts(served.Served):
+    def setUp(self):
+        super().setUp()
+        os.environ["SHEARBUS_SERVER"] = str(OPTIONS.server)  # of the sessions
+
     def check(self, text, what, quoted=True):
         self.assertNotRegex(text, COMMANDS, what)
         self.assertFalse([line for line in text.splitlines() if line.startswith("forged")], f"{what}: {text}")
@@ -180,4 +179,4 @@ class HostileTexts(served.Served):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *REST])
+    served.main()

@@ -1,6 +1,4 @@
-"""Tests of the program shearbus-hydro: the files it writes, its messages for bad input, and its answers with a separate server.
-
-    hydro_cli.py --hydro PROGRAM [unittest options]"""
+"""Tests of the program shearbus-hydro: the files it writes, its messages for bad input, and its answers with a separate server."""
 import datetime
 import json
 import pathlib
@@ -298,4 +296,4 @@ class BadInput(HydroTest):
 
 
 if __name__ == "__main__":
-    served.main("hydro")
+    served.main()

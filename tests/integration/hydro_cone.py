@@ -290,4 +290,4 @@ class Cone(served.Served):
 
 
 if __name__ == "__main__":
-    served.main("hydro")
+    served.main()

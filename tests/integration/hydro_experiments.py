@@ -6,7 +6,7 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served
-from served import OPTIONS
+from served import OPTIONS, SOURCE
 
 # Coarser zones than those of tests/measured.toml: 4 across the bar's radius, which makes its foot 0.3 mm smaller, and 20 um in the plates.
 COARSER = {"copper_bar": (("zones", "4"),), "copper_plates": (("zones", "200"),)}
@@ -15,7 +15,7 @@ COARSER = {"copper_bar": (("zones", "4"),), "copper_plates": (("zones", "200"),)
 class Experiments(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        sys.path.insert(0, str(pathlib.Path(OPTIONS.program).parent))
+        sys.path.insert(0, str(SOURCE / "tests/validation"))
         import experiments
         cls.program = experiments
         with tempfile.TemporaryDirectory() as directory:
@@ -44,4 +44,4 @@ class Experiments(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    served.main("hydro", "program")
+    served.main()

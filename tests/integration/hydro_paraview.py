@@ -15,7 +15,7 @@ from vtkmodules.vtkIOXdmf3 import vtkXdmf3Reader
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served
-from served import OPTIONS, PROBLEMS
+from served import OPTIONS, PROBLEMS, SOURCE
 
 ZONE_ARRAYS = {"temperature", "pressure", "density", "plastic_strain", "equivalent_stress", "body"}
 
@@ -66,7 +66,7 @@ class ParaView(unittest.TestCase):
         if not shutil.which("xvfb-run"):
             self.skipTest("xvfb is missing")
         picture = pathlib.Path(self.scratch.name) / "cone.png"
-        done = subprocess.run(["xvfb-run", "-a", "-s", "-noreset -screen 0 1920x1200x24", "pvpython", str(pathlib.Path(OPTIONS.report) / "paraview_cone.py"),
+        done = subprocess.run(["xvfb-run", "-a", "-s", "-noreset -screen 0 1920x1200x24", "pvpython", str(SOURCE / "client/report/paraview_cone.py"),
                                str(self.out), "--out", str(picture), "--time", "3"], capture_output=True, text=True, timeout=250)
         self.assertEqual(done.returncode, 0, done.stderr[-2000:])
         image = Image.open(picture).convert("RGB")
@@ -83,4 +83,4 @@ class ParaView(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    served.main("hydro", "report")  # report: directory of the script
+    served.main()

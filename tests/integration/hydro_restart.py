@@ -286,4 +286,4 @@ class Restart(served.Served):
 
 
 if __name__ == "__main__":
-    served.main("hydro", "server", "ctl")
+    served.main()

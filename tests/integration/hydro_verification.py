@@ -111,4 +111,4 @@ for number, (scene, changes, bounds) in enumerate([*((name, {}, bounds) for name
             self.hold(self.errors(scene, changes), bounds, (scene, changes)))
 
 if __name__ == "__main__":
-    served.main("hydro")
+    served.main()

@@ -140,4 +140,4 @@ class MapCli(served.Served):
 
 
 if __name__ == "__main__":
-    served.main("study", "ctl", "source")
+    served.main()

@@ -124,4 +124,4 @@ class OptionScenes(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    served.main("replay", "hydro", "source")
+    served.main()

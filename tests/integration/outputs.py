@@ -9,8 +9,8 @@ import unittest
 
 import replay_support as support
 import served
+from served import OPTIONS
 
-support.PROGRAMS.update(ctl=None, study=None)
 PROBLEMS = support.PROBLEMS
 
 
@@ -100,11 +100,11 @@ class Outputs(Programs):
     def test_a_full_standard_error_is_no_abort(self):
         for program, *arguments in (("ctl", "check", "/nowhere"), ("hydro", "/nowhere"), ("replay", "/nowhere", "--scene", "/nowhere", "--check")):
             with self.subTest(program), open("/dev/full", "w", encoding="utf8") as full:
-                self.run_program(support.PROGRAMS[program], *arguments, code=1, capture_output=False, stderr=full)
+                self.run_program(getattr(OPTIONS, program), *arguments, code=1, capture_output=False, stderr=full)
 
     def test_closed_streams_do_not_become_files(self):
         self.write(**support.velocity_history())
-        command = [support.PROGRAMS["replay"], self.history, "--scene", support.EXAMPLES / "paper_velocity_driven_graded.toml",
+        command = [OPTIONS.replay, self.history, "--scene", support.EXAMPLES / "paper_velocity_driven_graded.toml",
                    "--out", self.out]
         shell = ["/bin/sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh", *map(str, command)]
         self.assertEqual(subprocess.run(shell, timeout=60, check=False).returncode, 0)
@@ -152,7 +152,7 @@ class Options(Programs):
 class ServerProcess(Programs):
     def serve(self, *arguments, wrap=(), **options):
         bus = self.path / "bus"
-        server = served.program(self, *wrap, support.PROGRAMS["server"], "--bind", f"ipc://{bus}", "--threads", "1", *arguments, **options)
+        server = served.program(self, *wrap, OPTIONS.server, "--bind", f"ipc://{bus}", "--threads", "1", *arguments, **options)
         served.until(self, lambda: self.ping() == 0, server)
         return server
 
@@ -213,4 +213,4 @@ class ServerProcess(Programs):
 
 
 if __name__ == "__main__":
-    support.main()
+    served.main()

@@ -1,20 +1,18 @@
 """A friction law of the user's own: compiled against the header of the package, loaded by the administrator of a server, named
-in a scene, in both strategies. Laws that break their word fail their nodes, and the server lives. Needs --server and --source."""
+in a scene, in both strategies. Laws that break their word fail their nodes, and the server lives."""
 import pathlib
 import shutil
 import subprocess
 import sys
 import tempfile
-import unittest
 
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served
 import shearbus
-from served import SOURCE
+from served import OPTIONS, SOURCE
 
-OPTIONS, REST = served.options("server", "source")
 # Bad laws in C++, by name: what limit() does where the pressure is above 200 MPa.
 BAD = {"throws": "throw 1;", "no_number": "return 0.0 / 0.0 * point->slip;", "negative": "return -1.0;",
        "not_monotone": "return mu * (point->slip < 1.0 ? 1.0 : 0.5);"}
@@ -108,4 +106,4 @@ class OwnFrictionLaw(served.Served):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *REST])
+    served.main()

@@ -5,14 +5,13 @@ import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served
-from served import OPTIONS
+from served import OPTIONS, SOURCE
 
 
 class PaperFigures(served.Served):
     def program(self, *arguments, code=0):
-        programs = pathlib.Path(OPTIONS.replay).parent
-        self.assertEqual(programs, pathlib.Path(OPTIONS.hydro).parent)
-        return self.run_program(sys.executable, "-B", OPTIONS.program, "-o", self.path, "--bin", programs, *arguments, code=code)
+        program = SOURCE / "tests/validation/paper_figures.py"
+        return self.run_program(sys.executable, "-B", program, "-o", self.path, "--bin", f"{OPTIONS.build}/bin", *arguments, code=code)
 
     def figures(self, only):
         done = self.program("--coarse", "--only", only)
@@ -51,4 +50,4 @@ class PaperFigures(served.Served):
 
 
 if __name__ == "__main__":
-    served.main("replay", "hydro", "program")
+    served.main()

@@ -11,6 +11,7 @@ import replay_support as support
 import served
 import shearbus
 from replay_support import EXAMPLES
+from served import OPTIONS
 from shearbus.conformity.mock_server import read, xxh3
 
 GRADED = EXAMPLES / "paper_velocity_driven_graded.toml"
@@ -57,7 +58,7 @@ class RecordTest(support.ReplayTest):
 
     def serve(self, *arguments, limit=None):
         """Starts a server that can be killed. Its process gets the member `text`, a function that returns its log."""
-        return served.serve(self, self.log(), support.PROGRAMS["server"], "--bind", self.bus, "--threads", "1", *arguments,
+        return served.serve(self, self.log(), OPTIONS.server, "--bind", self.bus, "--threads", "1", *arguments,
                             preexec_fn=limit and served.file_limit(limit))
 
     def logs(self):
@@ -225,7 +226,7 @@ class Clients(RecordTest):
 
     def test_a_host_in_c_is_recorded_without_a_change(self):
         os.environ["SHEARBUS_RECORD"] = f"{self.records}/"
-        self.tool("c_host", support.PROGRAMS["server"], EXAMPLES / "constant_friction.toml")
+        self.tool("contract_c", OPTIONS.server, EXAMPLES / "constant_friction.toml")
         self.assertGreater(len(self.logs()), 3)
         said = [verb for log in self.logs() for verb in verbs(read_log(log)[2])]
         for verb in ("downscale", "commit", "rollback", "mark", "register_nodes", "offer_nodes", "accept_nodes"):
@@ -236,7 +237,7 @@ class Clients(RecordTest):
         if not self.starts:
             self.serve()
         os.environ["SHEARBUS_RECORD"] = place
-        return self.tool("fortran_host", EXAMPLES / "constant_friction.toml", self.bus)
+        return self.tool("contract_fortran", EXAMPLES / "constant_friction.toml", self.bus)
 
     def test_a_host_in_fortran_is_recorded_without_a_change(self):
         self.assertNotIn("not recorded", self.fortran_host(f"{self.records}/"))
@@ -269,4 +270,4 @@ class Clients(RecordTest):
 
 
 if __name__ == "__main__":
-    support.main()
+    served.main()

@@ -4,8 +4,8 @@ import subprocess
 
 import h5py
 import numpy as np
-import replay_support as support
-from replay_support import EXAMPLES, ReplayTest, force_history, velocity_history
+from replay_support import EXAMPLES, ReplayTest, force_history, served, velocity_history
+from served import OPTIONS
 
 
 class PaperCase(ReplayTest):
@@ -124,7 +124,7 @@ class Results(ReplayTest):
 
     def test_explain_tells_what_a_scene_pays_for_and_replays_nothing(self):
         self.write(**velocity_history())
-        command = [support.PROGRAMS["replay"], "--scene", str(EXAMPLES / "paper_velocity_driven.toml"), "--explain"]
+        command = [OPTIONS.replay, "--scene", str(EXAMPLES / "paper_velocity_driven.toml"), "--explain"]
         run = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertRegex(run.stdout, r"off layer.inertia +would take \+\d+ B per node")
@@ -155,7 +155,7 @@ class Recorded(ReplayTest):
         for problem in ("two_half_spaces", "release_and_reclose", "shear_column_yields"):
             with self.subTest(problem):
                 scene = problems / f"{problem}.toml"
-                run = subprocess.run([support.PROGRAMS["hydro"], str(scene), "--out", str(self.path / problem), "--no-plot"],
+                run = subprocess.run([OPTIONS.hydro, str(scene), "--out", str(self.path / problem), "--no-plot"],
                                      check=True, capture_output=True, text=True, timeout=240)
                 self.assertNotIn("closure", run.stderr)
                 recording = self.path / problem / "history.h5"
@@ -250,4 +250,4 @@ class Loops(ReplayTest):
 
 
 if __name__ == "__main__":
-    support.main()
+    served.main()

@@ -3,9 +3,8 @@ import signal
 import subprocess
 
 import numpy as np
-import replay_support as support
-import served
-from replay_support import EXAMPLES, ReplayTest, force_history, velocity_history
+from replay_support import EXAMPLES, ReplayTest, force_history, served, velocity_history
+from served import OPTIONS
 
 FORCE = EXAMPLES / "force_driven.toml"
 
@@ -106,7 +105,7 @@ class BadInput(ReplayTest):
 
     def test_stopped_run_leaves_nothing(self):
         self.example("constant", "--steps", "2000000")
-        run = served.program(self, support.PROGRAMS["replay"], self.history, "--scene", EXAMPLES / "paper_velocity_driven.toml", "--out", self.out,
+        run = served.program(self, OPTIONS.replay, self.history, "--scene", EXAMPLES / "paper_velocity_driven.toml", "--out", self.out,
                              stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         served.until(self, lambda: list(self.path.glob("result.h5.*partial")), run)
         run.send_signal(signal.SIGINT)
@@ -117,4 +116,4 @@ class BadInput(ReplayTest):
 
 
 if __name__ == "__main__":
-    support.main()
+    served.main()

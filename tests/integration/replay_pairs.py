@@ -189,4 +189,4 @@ class Pairs(support.ReplayTest):
 
 
 if __name__ == "__main__":
-    support.main()
+    served.main()

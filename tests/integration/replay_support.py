@@ -1,18 +1,14 @@
-"""Shared parts of the replay tests: the programs, a scratch directory, histories, and a run."""
-import argparse
+"""Shared parts of the replay tests: a scratch directory, histories, and a run."""
 import pathlib
 import subprocess
 import sys
-import unittest
 
 import h5py
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served
-from served import EXAMPLES, PROBLEMS  # of the tests
-
-PROGRAMS = {"replay": None, "server": None, "hydro": None, "c_host": None, "fortran_host": None}
+from served import EXAMPLES, OPTIONS, PROBLEMS  # of the tests
 
 
 class ReplayTest(served.Served):
@@ -22,14 +18,14 @@ class ReplayTest(served.Served):
         self.out = self.path / "result.h5"
 
     def tool(self, program, *arguments, code=0, **more):
-        """Runs a program, named as in PROGRAMS, that must end with this code. Returns what it printed."""
-        done = self.run_program(PROGRAMS[program], *arguments, code=code, **more)
+        """Runs a program, named as in OPTIONS, that must end with this code. Returns what it printed."""
+        done = self.run_program(getattr(OPTIONS, program), *arguments, code=code, **more)
         return done.stdout + done.stderr
 
     def ran(self, program, *arguments, **options):
-        """Runs a program, named as in PROGRAMS, to any end. Returns it."""
+        """Runs a program, named as in OPTIONS, to any end. Returns it."""
         options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "timeout": 120, **options}
-        return subprocess.run([PROGRAMS[program], *map(str, arguments)], check=False, text=True, errors="replace", **options)
+        return subprocess.run([getattr(OPTIONS, program), *map(str, arguments)], check=False, text=True, errors="replace", **options)
 
     def replay(self, *arguments, history=None, scene=EXAMPLES / "paper_velocity_driven_graded.toml", out=True):
         return self.ran("replay", history or self.history, "--scene", scene, *(("--out", self.out) if out else ()), *arguments)
@@ -77,13 +73,3 @@ def force_history(steps=5, nodes=3, **changes):
     })
     del parts["velocity_jump"]
     return parts | changes
-
-
-def main():
-    """replay_*.py --replay PROGRAM [--server PROGRAM] [--hydro PROGRAM] [--c_host PROGRAM] [--fortran_host PROGRAM] [unittest ...]"""
-    parser = argparse.ArgumentParser()
-    for program in PROGRAMS:
-        parser.add_argument(f"--{program}")
-    known, rest = served.options(parser=parser)
-    PROGRAMS.update(vars(known))
-    unittest.main(argv=[sys.argv[0], *rest])

@@ -9,7 +9,9 @@ import time
 from unittest import mock
 
 import replay_support as support
+import served
 from replay_support import EXAMPLES, velocity_history
+from served import OPTIONS
 
 CLIENT = EXAMPLES.parent
 sys.dont_write_bytecode = True
@@ -117,7 +119,7 @@ class Runs(support.ReplayTest):
 
     def test_an_interrupt_ends_both_programs_and_leaves_nothing(self):
         self.table.write_text(PLAIN.splitlines()[0] + "\n" + "".join(f"{t},7,11.5,{t / 7!r}\n" for t in range(1, 2_000_000)))
-        command = [support.PROGRAMS["replay"], str(self.table), "--steps", "--scene", str(GRADED), "--out", str(self.out)]
+        command = [OPTIONS.replay, str(self.table), "--steps", "--scene", str(GRADED), "--out", str(self.out)]
         with subprocess.Popen(command, env=os.environ | {"TMPDIR": str(self.scratch)}, stderr=subprocess.PIPE, text=True, start_new_session=True) as run:
             self.child_of(run)
             time.sleep(0.5)
@@ -185,4 +187,4 @@ class Runs(support.ReplayTest):
 
 
 if __name__ == "__main__":
-    support.main()
+    served.main()

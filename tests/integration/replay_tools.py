@@ -416,4 +416,4 @@ class Logs(Tool):
 
 
 if __name__ == "__main__":
-    support.main()
+    served.main()

@@ -1,9 +1,6 @@
 """shearbus-report on runs that the test makes: what is in the page, that its HTML is valid, and, in a browser without
 a screen, that nothing overflows, overlaps or is missing at the width of a phone and of a desk, light and dark. Where
-Chromium is missing, only its part is skipped.
-
-report.py --hydro ... --replay ... --report ... --source ... [--screenshots DIR]      DIR keeps the pictures of the
-pages"""
+Chromium is missing, only its part is skipped."""
 import argparse
 import contextlib
 import io
@@ -31,7 +28,7 @@ import runs  # noqa: E402
 import served  # noqa: E402
 import style  # noqa: E402
 from findings import number  # noqa: E402
-from served import OPTIONS  # noqa: E402
+from served import OPTIONS, SOURCE  # noqa: E402
 
 LARGEST = 3_000_000  # bytes of a report
 # Returns the faults of a page: what is wider than the screen, pictures that are missing, texts that lie upon each
@@ -89,16 +86,16 @@ class Report(unittest.TestCase):
     def setUpClass(cls):
         cls.scratch = tempfile.TemporaryDirectory()
         cls.path = path = pathlib.Path(cls.scratch.name)
-        problems = OPTIONS.source / "hydro_stub/problems"
+        problems = SOURCE / "hydro_stub/problems"
         served.edited(problems / "cone_al_steel_coarse.toml", path / "cone.toml", zone_width_m="1.25e-3\nframes = 6", end_time_s=5e-6)
         cls.cones = [path / law for law in ("subgrid", "coulomb_tresca")]
         for out in cls.cones:
             run(OPTIONS.hydro, path / "cone.toml", "--interface-law", out.name, "--out", out, "--no-plot", "--no-progress")
         cls.column = path / "column"
         run(OPTIONS.hydro, problems / "sliding_to_a_stop.toml", "--out", cls.column, "--no-plot", "--no-progress")
-        run("/usr/bin/python3", OPTIONS.source / "client/examples/make_history.py", "ramp", path / "history.h5", "--steps", 200)
+        run("/usr/bin/python3", SOURCE / "client/examples/make_history.py", "ramp", path / "history.h5", "--steps", 200)
         cls.result = path / "result.h5"
-        run(OPTIONS.replay, path / "history.h5", "--scene", OPTIONS.source / "client/examples/paper_velocity_driven.toml", "--out", cls.result)
+        run(OPTIONS.replay, path / "history.h5", "--scene", SOURCE / "client/examples/paper_velocity_driven.toml", "--out", cls.result)
         with h5py.File(cls.result, "a") as file:  # profiles of a node, as a run keeps them
             file["profiles/time"], file["profiles/node_id"] = file["time"][[50, 150]], file["node_id"][-1:]
             file["profiles/position"], file["profiles/layer_temperature"] = [-1e-6, 0.0, 1e-6], [[[300.0, 600.0, 400.0]], [[310.0, 700.0, 500.0]]]
@@ -168,7 +165,7 @@ class Report(unittest.TestCase):
         others = []
         for value in ("100e6", "200e6"):
             others.append(self.path / f"result-{value}.h5")
-            run(OPTIONS.replay, self.path / "history.h5", "--scene", OPTIONS.source / "client/examples/paper_velocity_driven.toml", "--set", f"soft.yield_strength_pa={value}", "--out", others[-1])
+            run(OPTIONS.replay, self.path / "history.h5", "--scene", SOURCE / "client/examples/paper_velocity_driven.toml", "--set", f"soft.yield_strength_pa={value}", "--out", others[-1])
         copy = self.path / "copy.h5"
         shutil.copy(others[0], copy)
         for paths, labels in ((others, ["soft.yield_strength_pa = 1e+08", "soft.yield_strength_pa = 2e+08"]), ([self.column, self.result], ["sliding_to_a_stop", "paper_velocity_driven"]),
@@ -273,7 +270,7 @@ class Report(unittest.TestCase):
         self.assertIn(f"Thin lines: {', '.join(map(str, levels))} K.", self.reports["cone"].read_text())
 
     def test_an_interrupt_gets_one_line(self):
-        for command in ([OPTIONS.report, *self.cones, "-o", self.path / "no.html"], [sys.executable, OPTIONS.source / "client/report/plot_cone.py", *self.cones, "--out", self.path / "no"]):
+        for command in ([OPTIONS.report, *self.cones, "-o", self.path / "no.html"], [sys.executable, SOURCE / "client/report/plot_cone.py", *self.cones, "--out", self.path / "no"]):
             for library, delay in (("multiarray", 0.1), ("ft2font", 0.4)):  # while libraries load, while it works
                 # A test in the background inherits that interrupts are ignored.
                 with subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler)) as program:
@@ -289,7 +286,7 @@ class Report(unittest.TestCase):
     def test_an_interrupt_where_python_ignores_exceptions_is_not_lost(self):
         lines = ["import os, signal, terminal, time", "class Gone:", " def __del__(self): os.kill(os.getpid(), signal.SIGINT)",
                  "signal.signal(signal.SIGINT, signal.default_int_handler)", "terminal.Parser()", "Gone()", "time.sleep(60)"]
-        done = subprocess.run([sys.executable, "-B", "-c", "\n".join(lines)], cwd=OPTIONS.source / "client/report", stderr=subprocess.PIPE, text=True, timeout=50)
+        done = subprocess.run([sys.executable, "-B", "-c", "\n".join(lines)], cwd=SOURCE / "client/report", stderr=subprocess.PIPE, text=True, timeout=50)
         self.assertEqual((done.returncode, done.stderr), (-signal.SIGINT, "-c: interrupted\n"))
 
     def test_a_section_without_content_is_left_out(self):
@@ -423,7 +420,7 @@ class Report(unittest.TestCase):
         self.assertFalse((self.path / "none").exists())
 
     def test_an_output_that_nobody_reads_gets_one_line(self):
-        plot = [sys.executable, OPTIONS.source / "client/report/plot_histories.py"]
+        plot = [sys.executable, SOURCE / "client/report/plot_histories.py"]
         for command in ([OPTIONS.report, "--help"], [OPTIONS.report, "--version"], [*plot, "--help"], [OPTIONS.report, self.column, "-o", self.path / "told.html"],
                         [*plot, self.column, "--out", self.path / "told"]):
             read, write = os.pipe()
@@ -457,6 +454,5 @@ class Report(unittest.TestCase):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
-    for name in ("hydro", "replay", "report", "source", "screenshots"):
-        parser.add_argument(f"--{name}", type=pathlib.Path, required=name != "screenshots")
+    parser.add_argument("--screenshots", type=pathlib.Path, help="directory that keeps the pictures of the pages")
     served.main(parser=parser)

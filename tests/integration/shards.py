@@ -46,7 +46,7 @@ class Shards(served.Served):
 
     def test_hosts_in_every_language_are_answered_as_by_one_server(self):
         one = f"file://{self.serve('one', 1)}"
-        hosts = (OPTIONS.c_host, OPTIONS.cxx_host, OPTIONS.fortran_host, PYTHON_HOST)
+        hosts = (OPTIONS.example_c, OPTIONS.example_cxx, OPTIONS.example_fortran, PYTHON_HOST)
         expected = {host: self.run_host(host, one) for host in hosts}
         for count in (2, 3, 5):
             directory = self.serve(f"of{count}", count)
@@ -61,7 +61,7 @@ class Shards(served.Served):
         for endpoint, fault in ((f"{first},{first}", "is named twice"), (f"{first},", "has an empty endpoint"),
                                 (f"{first},file://{self.path}/two/0", "is a server that another endpoint of the list names"),
                                 (f"{first},nonsense://x", "No such|cannot be|UNREACHABLE"), (f"file://{self.path}/empty", "has no endpoint files")):
-            for host in (OPTIONS.c_host, OPTIONS.fortran_host, PYTHON_HOST):
+            for host in (OPTIONS.example_c, OPTIONS.example_fortran, PYTHON_HOST):
                 self.assertRegex(self.run_host(host, endpoint, code=1), fault)
 
     def datasets(self, out):
@@ -98,4 +98,4 @@ class Shards(served.Served):
 
 
 if __name__ == "__main__":
-    served.main("server", "ctl", "hydro", "c_host", "cxx_host", "fortran_host", "source")
+    served.main()

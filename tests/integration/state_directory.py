@@ -7,6 +7,7 @@ import subprocess
 
 import replay_support as support
 import served
+from served import OPTIONS
 
 
 class StateDirectory(support.ReplayTest):
@@ -17,7 +18,7 @@ class StateDirectory(support.ReplayTest):
 
     def start(self, *arguments, bus=None, state=None, preexec=None):
         """Starts a server. Its process gets the members `text`, a function that returns its log."""
-        return served.start(self, self.log(), support.PROGRAMS["server"], "--bind", bus or self.bus, "--threads", "1",
+        return served.start(self, self.log(), OPTIONS.server, "--bind", bus or self.bus, "--threads", "1",
                             "--state-dir", state or self.state, *arguments, preexec_fn=preexec)
 
     def serve(self, *arguments, **options):
@@ -126,4 +127,4 @@ class StateDirectory(support.ReplayTest):
 
 
 if __name__ == "__main__":
-    support.main()
+    served.main()

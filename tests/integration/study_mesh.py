@@ -42,4 +42,4 @@ class Mesh(served.Served):
 
 
 if __name__ == "__main__":
-    served.main("study")
+    served.main()

@@ -8,7 +8,7 @@ import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served
-from served import OPTIONS
+from served import OPTIONS, SOURCE
 
 SCENE = served.scene("velocity_driven", name="mine")
 
@@ -88,8 +88,8 @@ class Studies(served.Served):
         self.assertIn("\n8 random histories", text)
 
     def test_the_error_of_a_layer_of_80_cells_is_below_that_of_the_zones(self):
-        self.run_program(sys.executable, OPTIONS.cone_sweep, "--hydro", OPTIONS.hydro, "--zones", "2e-3,1e-3", "--layers", "80 cells", "--end", "6e-6",
-                         "--out", self.path)
+        self.run_program(sys.executable, SOURCE / "tests/validation/cone_sweep.py", "--hydro", OPTIONS.hydro, "--zones", "2e-3,1e-3",
+                         "--layers", "80 cells", "--end", "6e-6", "--out", self.path)
         rows = json.loads((self.path / "cone_sweep.json").read_text())["rows"]
         self.assertEqual(len(rows), 5)
         apart = {r["layer"]: r["error"] for r in rows if r["zone_width_m"] == 2e-3}
@@ -98,4 +98,4 @@ class Studies(served.Served):
 
 
 if __name__ == "__main__":
-    served.main("study", "hydro", "ctl", "cone-sweep")
+    served.main()

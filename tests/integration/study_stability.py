@@ -97,4 +97,4 @@ class Stability(served.Served):
 
 
 if __name__ == "__main__":
-    served.main("study", "source")
+    served.main()

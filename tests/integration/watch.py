@@ -10,12 +10,10 @@ import signal
 import subprocess
 import sys
 import time
-import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served  # noqa: E402
-
-OPTIONS, REST = served.options("server", "ctl")
+from served import OPTIONS  # noqa: E402
 
 
 class Served(served.Served):
@@ -191,4 +189,4 @@ class OnATerminal(Served):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=["watch.py", *REST], verbosity=2)
+    served.main()

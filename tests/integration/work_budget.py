@@ -1,21 +1,19 @@
 """A server in the way of one request that needs very much work: the others are answered meanwhile, it can be stopped,
 and a start that finds the request in the journal can be stopped, too, tells how far it is, and can leave its session
-out. Needs --server, --ctl and --source."""
+out."""
 import pathlib
 import signal
 import subprocess
 import sys
 import threading
 import time
-import unittest
 
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 import served  # noqa: E402
 import shearbus  # noqa: E402
-
-OPTIONS, REST = served.options("server", "ctl", "source")
+from served import OPTIONS  # noqa: E402
 
 BODIES = '[soft]\nmaterial = "copper_ofhc_jc"\n[hard]\nmaterial = "steel_dlp"\n[layer]\nfar_boundary = "half_space"\n'
 HARD_WORK = 'name = "hard work"\nstrategy = "velocity_driven"\ntolerance = 1e-6\n'
@@ -181,4 +179,4 @@ class Work(served.Served):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0], *REST])
+    served.main()

@@ -15,17 +15,30 @@ import unittest
 PATIENCE_S = 120.0  # far more than a start takes on a machine that others use
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 EXAMPLES, PROBLEMS = SOURCE / "client/examples", SOURCE / "hydro_stub/problems"
-OPTIONS = argparse.Namespace()  # of the command line
 PYTHON = str(SOURCE / "client/python")
 sys.path.insert(0, PYTHON)
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (PYTHON, os.environ.get("PYTHONPATH"))))  # of the hosts that tests start
 sys.dont_write_bytecode = True
 
 
+class Options(argparse.Namespace):
+    """Options of the command line, and programs of the build that --build names: contract_c is its shearbus-contract-c."""
+
+    def __getattr__(self, name):
+        for folder in ("bin", "tests") if vars(self).get("build") else ():
+            program = pathlib.Path(self.build, folder, f"shearbus-{name.replace('_', '-')}")
+            if program.is_file():
+                return program
+        raise AttributeError(f"--{name} is not given, nor a build with a program of this name")
+
+
+OPTIONS = Options()
+
+
 def options(*names, parser=None):
-    """Reads the options --NAME, each of which must be given. Returns OPTIONS and the rest of the command line."""
+    """Reads the options --NAME, or --build, each of which must be given. Returns OPTIONS and the rest of the command line."""
     parser = parser or argparse.ArgumentParser()
-    for name in names:
+    for name in names or ["build"]:
         parser.add_argument(f"--{name}", required=True)
     return parser.parse_known_args(namespace=OPTIONS)
 
