@@ -53,6 +53,16 @@ def check(out, kind):
     return file
 
 
+def prepare(directory, kinds):
+    """Makes the directory, and raises Refused if a file of one of these kinds could not be written there."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise Refused(f"{directory}: cannot be made: {fault.strerror}; write elsewhere") from None
+    for name, kind in kinds.items():
+        check(directory / name, kind)
+
+
 def write(out, kind, contents, inputs=()):
     """Writes bytes to a file as a whole; raises OSError, and then leaves no partial file."""
     refuse_inputs(out, inputs)

@@ -42,10 +42,16 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "client/report"))
 sys.path.insert(0, str(ROOT / "proto"))
 import contract  # noqa: E402
+import output  # noqa: E402
 from runs import flat, meta_of, provenance_of  # noqa: E402
 from scene_text import with_value  # noqa: E402
 from terminal import Parser, complain, positive_count, read_text, read_toml, real_number  # noqa: E402
 
+PROGRAM = "shearbus-study fit"
+FILES = {"fit.json": ("a result of " + PROGRAM, lambda head: b'"sigma_known"' in head),
+         "fitted.toml": ("a scene of " + PROGRAM, lambda head: head.startswith(f"# {PROGRAM}".encode())), "fit.png": output.PICTURE}
+SENSITIVITIES = ("sensitivities of " + PROGRAM, lambda head: head.startswith(b"\x89HDF") and PROGRAM.encode() in head)
+SCANNED = 4  # points for each search, which starts from the best of them
 STEP = 2e-3  # of a derivative, as a part of the parameter's range
 ANSWERS = ("shear_stress", "sliding_velocity", "interface_temperature")
 INPUTS = [column.quantity for column in contract.columns(ROOT / "proto/wire/columns.inc") if column.macro in ("INPUT", "STICK")]
@@ -347,10 +353,10 @@ def fit(model, curves, starts):
         return observe(model.runs([x])[0]) - measured / sigma
 
     count = len(model.parameters)
-    points = [np.full(count, 0.5), *qmc.LatinHypercube(count, seed=1).random(starts - 1)]
+    points = [np.full(count, 0.5), *qmc.LatinHypercube(count, seed=1).random(SCANNED * starts - 1)]
     model.runs(points)
     best = None
-    for start in points:
+    for start in sorted(points, key=lambda x: np.sum(residuals(x)**2))[:starts]:
         found = least_squares(residuals, start, jac=lambda x: model.derivatives(x, observe).T, bounds=(0.0, 1.0), xtol=1e-6, ftol=1e-8, x_scale="jac")
         best = found if best is None or found.cost < best.cost else best
     known = all(curve.sigma is not None for curve in curves)
@@ -398,7 +404,7 @@ def table(found, directions):
     for direction in directions:
         if not direction["determined"]:
             parts = " ".join(f"{part:+.2f} {key}" for key, part in direction["parts"].items() if abs(part) > 0.1)
-            lines.append(f"The curves do not tell values apart along {parts} (each scaled to its range).")
+            lines.append(f"The curves do not tell values apart along {parts} (each scaled to its range), near those found; --starts N looks farther.")
     return "\n".join(lines)
 
 
@@ -437,6 +443,7 @@ def write_sensitivities(path, model):
     wide = width_of(parameter.key for parameter in model.parameters)
     print(f"{'parameter':<{wide}}{'quantity':<24}{'largest derivative':>20}{'of its range':>16}{'two steps differ by':>22}")
     with h5py.File(path, "w") as file:
+        file.attrs["producer"] = PROGRAM
         base = model.runs([x, *(end for step in (2 * STEP, STEP) for pair in model.ends(x, step) for end in pair)])[0]
         file["time"], file["node_id"] = base.time, base.node_id
         for quantity in ANSWERS:
@@ -465,19 +472,22 @@ def main():
     try:
         parameters = options.parameter
         curves = [Curve(path) for path in options.curve] + [StressStrain(path) for path in options.stress_strain]
-        options.out.mkdir(parents=True, exist_ok=True)
+        output.prepare(options.out, FILES if curves else {"sensitivities.h5": SENSITIVITIES})
         with tempfile.TemporaryDirectory(prefix="shearbus-fit-") as work:
             model = Model(options, parameters, work)
             if not curves:
-                write_sensitivities(options.out / "sensitivities.h5", model)
+                made = pathlib.Path(work) / "sensitivities.h5"
+                write_sensitivities(made, model)
+                output.write(options.out / made.name, SENSITIVITIES, made.read_bytes())
                 print(f"{len(model.done)} sets of parameters by {model.replays} run{'s' * (model.replays != 1)} of {model.program.name}")
                 return
             x, jacobian, residuals, quality = fit(model, curves, options.starts)
             found, directions = judged(parameters, x, jacobian, quality["freedom"])
-            (options.out / "fitted.toml").write_text(model.scene(x), encoding="utf-8")
+            fitted = f"# {PROGRAM} found the values of {', '.join(p.key for p in parameters)}\n{model.scene(x)}"
             report = {"scene": str(options.scene), "curves": [str(path) for path in options.curve + options.stress_strain], "runs": len(model.done), "replays": model.replays, **quality,
                       "parameters": found, "directions": directions}
-            (options.out / "fit.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+            for name, text in (("fitted.toml", fitted), ("fit.json", json.dumps(report, indent=1) + "\n")):
+                output.write(options.out / name, FILES[name], text.encode("utf-8"))
             draw(options.out / "fit.png", curves, model.runs([x])[0])
         print(table(found, directions))
         print(f"residuals: {np.sqrt(np.mean(residuals**2)):.3g} {'of the stress' if options.stress_strain else 'sigma' if quality['sigma_known'] else '(SI)'} rms of {quality['values']} values; "

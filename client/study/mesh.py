@@ -20,12 +20,14 @@ from argparse import SUPPRESS
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "client/report"))
+import output  # noqa: E402
 from scene_text import value_of, with_value  # noqa: E402
 from terminal import Parser, complain, positive_numbers  # noqa: E402
 
 ANSWERS = (("displacement_1mm", "metal over +-1 mm", "mm", 1e3), ("displacement_0.5mm", "over +-0.5 mm", "mm", 1e3), ("slip", "slip", "mm", 1e3),
            ("impulse", "friction impulse", "Pa s", 1.0), ("free_surface", "free surface, highest", "m/s", 1.0))
 CONE = "hydro.cone_target."
+RESULT = ("a result of shearbus-study mesh", lambda head: b'"study": "mesh"' in head)
 
 
 class Fault(Exception):
@@ -145,6 +147,8 @@ def main():
         keep = options.out is not None
         options.out = options.out or pathlib.Path(scratch)
         try:
+            if keep:
+                output.prepare(options.out, {"mesh.json": RESULT, "mesh.png": output.PICTURE})
             found = study(options)
         except (Fault, OSError, ValueError) as fault:  # ValueError: the scene is no TOML
             complain("shearbus-study: mesh", fault)
@@ -154,7 +158,7 @@ def main():
             return 1
         table(found)
         if keep:
-            (options.out / "mesh.json").write_text(json.dumps(found, indent=2) + "\n")
+            output.write(options.out / "mesh.json", RESULT, (json.dumps(found, indent=2) + "\n").encode())
             draw(found, options.out)
     return 0
 

@@ -96,6 +96,20 @@ class Fit(served.Served):
         self.assertIn("NOT DETERMINED", printed)
         self.assertIn("do not tell values apart along", printed)
 
+    def test_a_search_begins_where_the_curve_tells_something(self):
+        self.fit("--curve", self.measure((0,), 5), "--parameter", "interface.friction_coefficient=0.05:8")  # above 0.8 the yield limit holds it
+        report = json.loads((self.path / "out/fit.json").read_text())
+        (row,) = report["parameters"]
+        self.assertTrue(row["determined"] and row["low"] < 0.3 < row["high"], row)
+
+    def test_no_other_file_is_replaced(self):
+        (self.path / "out").mkdir(exist_ok=True)
+        for name, words in (("fitted.toml", ("--curve", self.measure((0,), 5))), ("sensitivities.h5", ())):
+            other = self.path / "out" / name
+            other.write_text("mine")
+            self.refused(OPTIONS.study, "fit", self.scene, "--out", other.parent, "--parameter", MU, *words, said=f"{name}: is there and is not")
+            self.assertEqual(other.read_text(), "mine")
+
     def test_the_free_surface_is_the_wave_of_the_stress(self):
         with self.run_hydro("--interface-law", "constant") as file:
             dt, stress, surface = file["dt"][1], file["shear_stress"][:], file["free_surface_velocity"][:]

@@ -35,6 +35,10 @@ class Mesh(served.Served):
         for arguments, said in ((("--meshes", "1e-3"), "--meshes 0.001: expected at least two widths"), (("--meshes", "1e-3,0.3e-3"), "expected at least two widths of zones that halve"),
                                 (("--law", "foo"), "argument --law: invalid choice: 'foo' (choose from 'subgrid', ")):
             self.refused(OPTIONS.study, "mesh", self.scene, *arguments, said=said, code=2)
+        other = self.path / "mesh.json"
+        other.write_text("mine")
+        self.refused(OPTIONS.study, "mesh", self.scene, "--meshes", "2e-3,1e-3", "--out", self.path, said="mesh.json: is there and is not a result of shearbus-study mesh")
+        self.assertEqual(other.read_text(), "mine")
         self.scene.write_text(self.scene.read_text().replace("[hydro]", "[hydro]\nzones = 1\nlaw = 2"))
         for arguments, said in (((self.scene, "--meshes", "2e-3,1e-3"), "hydro.law"), ((PROBLEMS / "two_half_spaces.toml",), "expected a cone"),
                                 ((self.path / "none.toml",), "No such file")):

@@ -179,16 +179,6 @@ def provenance(options, scene_name):
             "command": shlex.join([PROGRAM, "map", *options.words])}
 
 
-def prepare(directory, kinds):
-    """Makes the directory, and raises Refused if a file of one of these kinds could not be written there."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise output.Refused(f"{directory}: cannot be made: {fault.strerror}; write elsewhere") from None
-    for name, kind in kinds.items():
-        output.check(directory / name, kind)
-
-
 def write(directory, files):
     """Writes files, each of a kind and a text. One run at a time writes to a directory (proto/files/whole_file.hpp)."""
     lock = directory / ".lock"
@@ -260,7 +250,7 @@ def command_line():
 def run(options):
     pressures, velocities = log_spaced(*options.pressure, options.pressures), log_spaced(*options.velocity, options.velocities)
     with open_session(options.scene, options.pressures * options.velocities, options.bin) as session:
-        prepare(options.out, {"nodes.csv": NODES, "map.json": SUMMARY})
+        output.prepare(options.out, {"nodes.csv": NODES, "map.json": SUMMARY})
         for note in session.warnings:
             if note.startswith("note: "):  # others have been shown
                 complain(PROGRAM, note)
