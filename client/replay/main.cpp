@@ -18,6 +18,7 @@
 #include "proto/files/event_log.hpp"
 #include "proto/program/command_line.hpp"
 #include "proto/program/program.hpp"
+#include "server/own_laws.hpp"
 #include "server/version.hpp"
 
 namespace {
@@ -40,6 +41,7 @@ struct Command {
   bool explain = false;
   bool points = false, steps = false;
   std::string sweep;
+  std::vector<std::string> own_laws;
   replay::ExportOptions exported;
   std::uint64_t node = 0;
   fs::path a, b;
@@ -84,6 +86,10 @@ void describe_replay(CLI::App& app, Command& command) {
          "--server", command.run.server.endpoint,
          "tcp://host:port or ipc://path of a server, which must answer within 5 s; none: one inside this process")
       ->type_name("ENDPOINT");
+  app.add_option("--friction-law", command.own_laws,
+                 "without --server: a friction law of a shared library, repeatable; scenes name it as friction_law = "
+                 "\"own:NAME\" (shearbus/friction_law.h)")
+      ->type_name("NAME=FILE");
   app.add_option("--server-key", command.server_key, "by tcp: file of the server's public key")->type_name("FILE");
   app.add_option("--key", command.own_key, "by tcp: file of one's own secret key, from shearbus-ctl keygen")
       ->type_name("FILE");
@@ -178,6 +184,9 @@ void check(const CLI::App& app, Command& command) {
     return;
   }
   if (!command.capsule.empty() && has_history) throw CLI::ExcludesError("--capsule", "INPUT, --scene and --out");
+  for (const char* name :
+       {"--capsule", "--explain", "--friction-law"})  // of this process; a server has laws of its own
+    if (app.count(name) > 0 && app.count("--server") > 0) throw CLI::ExcludesError(name, "--server");
   if (command.explain && run.scene.empty()) throw CLI::RequiredError("--scene");
   if (command.explain && !(run.inputs.empty() && run.out.empty() && command.capsule.empty()))
     throw CLI::ExcludesError("--explain", "INPUT, --out and --capsule");
@@ -234,6 +243,7 @@ int replay_sweep(const Command& command) {
 }
 
 int run(const CLI::App& app, Command& command) {
+  shearbus::server::load_own_laws(command.own_laws);
   if (app.got_subcommand("compare")) return replay::compare(command.a, command.b, command.run.rtol) ? 0 : kDiffers;
   if (app.got_subcommand("export")) {
     if (app.get_subcommand("export")->count("--node") > 0) command.exported.node = command.node;

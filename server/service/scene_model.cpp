@@ -165,12 +165,13 @@ const shearbus_friction_law* own_law_of(const v1::Interface& law) {
   if (const auto found = laws.find(law.own_friction_law()); found != laws.end()) return found->second;
   std::string names;
   for (const auto& [name, known] : laws) names += fmt::format("{}\"own:{}\"", names.empty() ? "only " : ", ", name);
-  refuse("interface.friction_law",
-         fmt::format("interface.friction_law = \"own:{}\": this server has loaded {}",
-                     wire::printable(law.own_friction_law(), wire::kMaxTextBytes),
-                     names.empty() ? "no law of its own" : names),
-         "Ask the server's administrator for shearbus-server --friction-law NAME=/path/library.so, or choose another "
-         "law.");
+  refuse(
+      "interface.friction_law",
+      fmt::format("interface.friction_law = \"own:{}\": this server has loaded {}",
+                  wire::printable(law.own_friction_law(), wire::kMaxTextBytes),
+                  names.empty() ? "no law of its own" : names),
+      "Give --friction-law NAME=/path/library.so to shearbus-server (its administrator does) or to shearbus-replay, or "
+      "choose another law.");
 }
 
 physics::InterfaceOptions interface_of(const v1::Interface& law) {
