@@ -68,7 +68,7 @@ def verdict(runs):
     if not runs:
         return ""
     first, rest = runs[0], runs[1:]
-    moved = displaced if all(displaced(run) for run in runs) else lambda run: run.mean(run.slip())
+    moved = displaced if all(run.two_dimensions and displaced(run) for run in runs) else lambda run: run.mean(run.slip())
     what = "metal moved {} mm against metal, over 1 mm on both sides and" if moved is displaced else "the interface slid {} mm,"
     if "regime" in first and not (first["regime"] > 0).any():
         text = "the contact was open in the whole run: nothing slid, and friction heated nothing"

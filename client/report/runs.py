@@ -1,6 +1,7 @@
 """Reads what shearbus-hydro and shearbus-replay leave: one Run for a directory of shearbus-hydro, in one or two
 dimensions, or for a file of results. Whatever is missing in a run is None or empty; a file that is no result raises
 Fault with the reason."""
+import collections
 import contextlib
 import itertools
 import os
@@ -137,6 +138,8 @@ def table_of(path):
         found["hottest"] = max(part.max() for part in chunks(file["interface_temperature"]))
         found["heat"] = sum(part.sum(axis=0) for part in chunks(file["friction_heat"])) if "friction_heat" in file else None
         found["slip"] = slip_of(file)
+        found["pairs"] = collections.Counter(text.decode() if isinstance(text, bytes) else text for text in file["pair"][:]) if "pair" in file else {}
+        found["parameters"] = {key: data[:] for key, data in file["parameter"].items()} if isinstance(file.get("parameter"), h5py.Group) else {}
         if "profiles" in file:
             found["profiles"] = {name: data[:] for name, data in file["profiles"].items()}
     return found

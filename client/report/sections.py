@@ -164,6 +164,9 @@ def the_case(run, sources):
              ("velocity jump", "" if cone else speeds(run)), ("pressure", pressure), ("strategy", run.scene.get("strategy", "")), ("friction coefficient", run.scene.get("interface", {}).get("friction_coefficient", "")),
              ("melting curve", soft.get("melting_curve", "")), ("heat", run.scene.get("layer", {}).get("heat", "")), ("time integrator", run.scene.get("layer", {}).get("time_integrator", "")),
              ("tolerance", run.scene.get("layer", {}).get("tolerance", ""))]
+    if "pairs" in run:
+        pairs = [f"{count} of [pair.{name}]" if name else f"{count} of these" for name, count in sorted(run["pairs"].items())]
+        facts += [("tables of the nodes", ", ".join(pairs)), *((f"{key} of the nodes", span(values)) for key, values in run["parameters"].items())]
     return {"sketch": svg(sketch, "case", "the bodies at the start"), "sketch_title": "the bodies at the start" if run.two_dimensions else "each column: two bodies, one jump",
             "materials": rows, "names": [body.get("material", "own constants") for body in (soft, hard)], "source": run.source,
             "sources": [(body["material"], sources[body["material"]]) for body in (soft, hard) if body.get("material") in sources],

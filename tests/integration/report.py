@@ -99,6 +99,8 @@ class Report(unittest.TestCase):
         with h5py.File(cls.result, "a") as file:  # profiles of a node, as a run keeps them
             file["profiles/time"], file["profiles/node_id"] = file["time"][[50, 150]], file["node_id"][-1:]
             file["profiles/position"], file["profiles/layer_temperature"] = [-1e-6, 0.0, 1e-6], [[[300.0, 600.0, 400.0]], [[310.0, 700.0, 500.0]]]
+            count = len(file["node_id"])
+            file["pair"], file["parameter/interface.friction_coefficient"] = [""] * (count - 1) + ["brass"], np.linspace(0.1, 0.3, count)
         cls.reports = {}
         for name, words in {"cone": [*cls.cones, "--figures", cls.paper()], "one": cls.cones[:1], "column": [cls.column], "replay": [cls.result]}.items():
             cls.reports[name] = path / f"{name}.html"
@@ -158,6 +160,7 @@ class Report(unittest.TestCase):
         replay = self.reports["replay"].read_text()
         self.assertTrue("velocity_driven" in replay)
         self.assertTrue("temperature across the layer of the node" in replay)
+        self.assertTrue("1 of [pair.brass]" in replay and "0.100 to 0.300" in replay)
         self.assertFalse("kept no profiles" in replay)
         self.assertTrue("kept no profiles" in column)
 
