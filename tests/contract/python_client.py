@@ -236,8 +236,15 @@ class Steps(Live):
         scene = shearbus.Scene(self.open(edited).scene)
         self.assertEqual((scene["interface.friction_coefficient"], scene["layer.initial_temperature_k"]), (0.25, 400.0))
         self.assertEqual(self.open(scene).scene, self.open(edited).scene)
-        with self.assertRaises(KeyError):
-            scene["interface.mu"]
+        for absent in ("interface.mu", "name.mu"):
+            with self.assertRaises(KeyError):
+                scene[absent]
+            self.assertFalse(absent in scene or scene.get(absent))
+        edited.update({"interface.friction_coefficient": numpy.array(0.125)})
+        self.assertTrue("interface.friction_coefficient" in edited)
+        self.assertEqual(shearbus.Scene(self.open(edited).scene).get("interface.friction_coefficient"), 0.125)
+        self.assertEqual(edited.pop("interface.friction_coefficient"), 0.125)
+        self.assertNotIn("friction_coefficient", edited["interface"])
         for wrong in ("no_such_file.toml", 3, {"name": None}):
             self.assert_refused(shearbus.ContentError, "INVALID_SCENE", lambda: self.open(wrong))
 

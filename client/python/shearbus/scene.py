@@ -1,4 +1,5 @@
 """A scene as a dict: edited, and written as the TOML text that the server reads."""
+import collections.abc
 import copy
 import json
 import os
@@ -14,7 +15,7 @@ __all__ = ["Scene", "toml_of"]
 
 
 def _value(key, value):
-    if isinstance(value, numpy.generic):
+    if isinstance(value, numpy.generic) or (isinstance(value, numpy.ndarray) and value.ndim == 0):
         value = value.item()
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -54,8 +55,8 @@ def scene_of(scene):
     return {"scene_file": text("scene", scene, path=True)}
 
 
-class Scene(dict):
-    """A scene to be edited, as nested dicts; a key with dots names a value in a table:
+class Scene(collections.abc.MutableMapping, dict):
+    """A scene to be edited, as nested dicts; for all methods a key with dots names a value in a table:
     scene["interface.friction_coefficient"] = 0.2. shearbus.open() takes it as it takes any dict.
 
     scene: path of a TOML file, TOML text (anything with a line break), or a dict. Raises tomllib.TOMLDecodeError or
@@ -72,7 +73,15 @@ class Scene(dict):
         at = self
         for table in tables:
             at = dict.setdefault(at, table, {}) if make else dict.__getitem__(at, table)
+            if not isinstance(at, dict):
+                raise KeyError(f"{key}: {table} is a value, no table")
         return at, last
+
+    __iter__, __len__ = dict.__iter__, dict.__len__
+
+    def __delitem__(self, key):
+        table, last = self._table(key, False)
+        dict.__delitem__(table, last)
 
     def __getitem__(self, key):
         table, last = self._table(key, False)
