@@ -21,7 +21,8 @@
 !   ranks                  state of the MPI helpers, made by shearbus_mpi_open or shearbus_mpi_restart
 !   comm                   communicator of the ranks, as the integer of the module mpi
 !   bus                    interface of this rank
-!   nodes                  ids of nodes, whole numbers from 0 on of 32 or 64 bits; of an opening also the order of the columns
+!   nodes                  ids of nodes, whole numbers from 0 on of 32 or 64 bits (resume and the MPI helpers: of 64); of an opening
+!                          also the order of the columns
 !   scene                  path of a scene, a TOML file; or give scene_text
 !   scene_text             text of a scene
 !   endpoint               tcp://host:port, ipc://path or file://path of a server's endpoint file; several servers, with a comma
@@ -46,7 +47,8 @@
 !   names                  of columns, as the components of the interface are named
 !   profiles               of the layers, a column after the other
 !   pressure               Pa, one value per node; absent: 0
-!   dt                     s, length of the step
+!   dt                     s, length of the step, real64 as all reals: where a compiler promotes (-fdefault-real-8), that is 1e-9 and
+!                          not 1d-9
 !   time                   s, at the end of the step, for messages and recordings
 !   n                      number of the host's step, for messages and recordings
 !   trial                  the step waits for commit or rollback
@@ -85,7 +87,7 @@ module shearbus
     integer(int64), allocatable :: nodes(:)          ! their ids, in the order of the columns
     integer(c_int8_t), allocatable :: regime(:)      ! shearbus_regime_...: what held the stress
     integer, allocatable :: outcome(:)               ! bits shearbus_outcome_...: what is remarkable of it
-    integer :: flagged = 0                           ! rows of the last step whose outcome is not 0
+    integer :: flagged = 0                           ! rows of the last step whose outcome is neither 0 nor asleep
     real(real64) :: largest_closure = 0              ! m/s, largest difference of a jump from the one answered before
     real(real64) :: layer_time = 0                   ! s, sum of the dt of the steps of that node
   end type
@@ -970,23 +972,25 @@ contains
   subroutine adopt(self, columns)
     class(shearbus_interface), intent(inout) :: self
     type(columns_of_step), intent(in) :: columns
+    logical :: remarkable
     integer :: i
     self%flagged = int(columns%answer%flagged_nodes)
     self%largest_closure = columns%answer%largest_closure_m_per_s
     self%layer_time = columns%answer%layer_time_s
     if (.not. columns%masked) then
       if (.not. columns%direct) self%regime = self%bytes(:columns%count, 2)
-      if (self%flagged > 0) then
+      remarkable = any(self%bytes(:columns%count, 1) /= 0)
+      if (remarkable) then
         self%outcome = iand(int(self%bytes(:columns%count, 1)), 255)
       else if (self%flags) then
         self%outcome = 0
       end if
-      self%flags = self%flagged > 0
+      self%flags = remarkable
       return
     end if
     self%regime(columns%rows) = self%bytes(:columns%count, 2)
     self%outcome(columns%rows) = iand(int(self%bytes(:columns%count, 1)), 255)
-    self%flags = self%flags .or. self%flagged > 0
+    self%flags = self%flags .or. any(self%bytes(:columns%count, 1) /= 0)
     do i = 1, columns%n_out
       columns%answers(i)%values(columns%rows) = columns%out(:columns%count, i)
     end do

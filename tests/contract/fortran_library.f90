@@ -14,6 +14,7 @@ program fortran_library
   call steps()
   call halves()
   call columns()
+  call asleep()
   call stick_form()
   call moves()
   call scopes()
@@ -229,6 +230,34 @@ contains
     call bus%open(nodes=[1_int64], scene=scene, endpoint=endpoint)
     call bus%step(1e-9_real64, stat=stat, msg=msg)
     call refused('inputs that were never set', 301, 'nan')
+    call bus%close()
+  end subroutine
+
+  ! Outcomes of nodes that sleep, as they are in whole and in masked steps, and 0 once they are solved again.
+  subroutine asleep()
+    type(shearbus_interface) :: bus
+    character(len=:), allocatable :: text
+    integer :: place, k
+    text = scene_of('aluminium_dlp', 0.1_real64)
+    place = index(text, '[interface]')
+    call bus%open(nodes=[1, 2], scene_text=text(:place - 1)//'sleep = true'//new_line('a')//text(place:), endpoint=endpoint, &
+                  check_closure='off')
+    bus%jump = 0
+    bus%pressure = -1
+    bus%stress_soft = 0
+    bus%stress_hard = 0
+    bus%mass_soft = 2.7_real64
+    bus%mass_hard = 7.9_real64
+    do k = 1, 60
+      call bus%step(1e-9_real64)
+    end do
+    call check('asleep', all(bus%outcome == shearbus_outcome_asleep) .and. bus%flagged == 0)
+    call bus%step(1e-9_real64, mask=[.true., .true.])
+    call check('asleep in a masked step', all(bus%outcome == shearbus_outcome_asleep))
+    bus%jump = 50
+    bus%pressure = 1e9_real64
+    call bus%step(1e-9_real64)
+    call check('awake', all(bus%outcome == 0))
     call bus%close()
   end subroutine
 
