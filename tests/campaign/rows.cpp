@@ -364,7 +364,7 @@ std::vector<Row> all_rows() {
       {"reversals", "[V] and far stresses turn in every step", 300, as_it_is, {}, to_and_fro, false, {}},
       {"release", "pressure down by fifteen decades and back", 300, as_it_is, {}, release_and_reload, false, {}},
       {"opening", "the contact opens and closes", 300, as_it_is, {}, open_and_close, false, opens},
-      {"hovering", "[V] about 0 for 100,000 steps", 100000, as_it_is, {}, hover, false, rests},
+      {"hovering", "[V] about 0 for many steps", 100000, as_it_is, {}, hover, false, rests},
       {"three_roots", "states with several answers near melting", 20, near_several_answers, start_near_several_answers,
        meet_several_answers, false, chooses},
       {"far_stress", "far stresses of 1e12 Pa", 120, force_driven_only, {}, push_hard, false, {}},
