@@ -15,6 +15,7 @@
 namespace shearbus::hydro {
 namespace {
 
+constexpr double kSame = 1e-9;  // relative difference of sums of the same numbers
 constexpr auto kCoulomb = static_cast<std::size_t>(wire::Regime::kCoulomb);
 
 double length_of(const BodyMesh& mesh) {
@@ -51,6 +52,14 @@ double Summary::melting_threshold(double pressure) const {
                                          : problem_.soft_material.melting_temperature);
 }
 
+double Summary::heat_partition() const {
+  return physics::heat_partition(problem_.soft_material, problem_.hard_material);
+}
+
+double Summary::heat_into_soft() const {
+  return energy_.empty() ? heat_ : energy_.mean(wire::Field::kHeatToSoft) * static_cast<double>(problem_.columns);
+}
+
 void Summary::observe(const ShearColumn& column) {
   const InterfaceAnswer& answer = column.answer();
   const double dt = column.inputs().dt;
@@ -59,8 +68,10 @@ void Summary::observe(const ShearColumn& column) {
     if (temperature > peak_.value) peak_ = {.node = i, .time = column.time(), .value = temperature};
     if (melting_time_[i] < 0.0 && temperature >= melting_threshold(column.inputs().pressure[i]))
       melting_time_[i] = column.time();
-    if (answer.regime[i] != static_cast<std::uint8_t>(wire::Regime::kOpen))  // an open contact has a velocity, too
+    if (answer.regime[i] != static_cast<std::uint8_t>(wire::Regime::kOpen)) {  // an open contact has a velocity, too
       slip_[i] += std::abs(answer.sliding_velocity[i]) * dt;
+      friction_work_ += answer.shear_stress[i] * answer.sliding_velocity[i] * dt;
+    }
     friction_impulse_[i] += answer.shear_stress[i] * dt;
     ++regime_count_[answer.regime[i]];
     heat_ += answer.friction_heat[i];
@@ -81,7 +92,7 @@ void Summary::finish(const ShearColumn& column, const RunTime& time) {
   time_ = time;
   for (std::size_t i = 0; i < problem_.columns; ++i) {
     const ShearColumn::Ledger ledger = column.ledger(i);
-    friction_work_ += ledger.friction_work;
+    interface_work_ += ledger.friction_work;
     momentum_residual_ =
         std::max(momentum_residual_,
                  relative(ledger.momentum_residual(), std::abs(ledger.momentum_start) + std::abs(ledger.momentum_end) +
@@ -138,10 +149,14 @@ std::string Summary::text() const {
   line("node-steps", shares);
   if (!slips_freely())
     for (const auto& [label, value] : regime_lines()) line(label.c_str(), value);
+  const double soft_heat = heat_into_soft();
+  const bool shared = relative(soft_heat - heat_, heat_) <= kSame;  // by the fixed partition, else both bodies conduct
   line("friction work",
-       fmt::format("{:.6g} kJ/m2, heat into the soft body {:.6g} kJ/m2 (heat partition {:.4f}), all columns",
-                   friction_work_ * 1e-3, heat_ * 1e-3,
-                   physics::heat_partition(problem_.soft_material, problem_.hard_material)));
+       fmt::format("{:.6g} kJ/m2 of the slip, heat into the soft body {:.6g} kJ/m2{}, all columns",
+                   friction_work_ * 1e-3, soft_heat * 1e-3,
+                   shared ? fmt::format(" (heat partition {:.4f})", heat_partition()) : std::string()));
+  if (relative(interface_work_ - friction_work_, std::abs(friction_work_)) > kSame)
+    line("interface work", fmt::format("{:.6g} kJ/m2 of the stress on the jump, all columns", interface_work_ * 1e-3));
   for (const auto& [label, value] : energy_.lines()) line(label.c_str(), value);
   line("momentum ledger", fmt::format("closed to {:.1e}", momentum_residual_));
   line("energy ledger", fmt::format("closed to {:.1e} (kinetic + elastic + friction + far ends)", energy_residual_));
@@ -164,25 +179,25 @@ std::string Summary::json() const {
         static_cast<double>(regime_count_[r]) / node_steps;
   for (const double time : melting_time_)
     melting_times.push_back(time < 0.0 ? nlohmann::ordered_json() : nlohmann::ordered_json(time));
-  nlohmann::ordered_json out = {
-      {"scene", problem_.name},
-      {"interface_law", interface_law_},
-      {"provenance", as_json(provenance_)},
-      {"columns", problem_.columns},
-      {"steps", steps_},
-      {"dt_s", problem_.dt},
-      {"dt_limit", problem_.dt_reason},
-      {"end_time_s", end_time_},
-      {"peak_interface_temperature_k", peak_.value},
-      {"peak_node", peak_.node},
-      {"peak_time_s", peak_.time},
-      {"melting_threshold_k", melting_threshold(0.0)},
-      {"time_to_melting_threshold_s", melting_times},
-      {"slip_distance_m", slip_},
-      {"node_step_share", shares},
-      {"friction_work_j_per_m2", friction_work_},
-      {"heat_into_soft_body_j_per_m2", heat_},
-      {"heat_partition", physics::heat_partition(problem_.soft_material, problem_.hard_material)}};
+  nlohmann::ordered_json out = {{"scene", problem_.name},
+                                {"interface_law", interface_law_},
+                                {"provenance", as_json(provenance_)},
+                                {"columns", problem_.columns},
+                                {"steps", steps_},
+                                {"dt_s", problem_.dt},
+                                {"dt_limit", problem_.dt_reason},
+                                {"end_time_s", end_time_},
+                                {"peak_interface_temperature_k", peak_.value},
+                                {"peak_node", peak_.node},
+                                {"peak_time_s", peak_.time},
+                                {"melting_threshold_k", melting_threshold(0.0)},
+                                {"time_to_melting_threshold_s", melting_times},
+                                {"slip_distance_m", slip_},
+                                {"node_step_share", shares},
+                                {"friction_work_j_per_m2", friction_work_},
+                                {"interface_work_j_per_m2", interface_work_},
+                                {"heat_into_soft_body_j_per_m2", heat_into_soft()},
+                                {"heat_partition", heat_partition()}};
   for (std::size_t b = 0; b < kBands.size(); ++b) {
     if (bands_[b].places)
       out["displacement"].push_back({{"band_m", kBands[b]}, {"displacement_m", bands_[b].displacement}});

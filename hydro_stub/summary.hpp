@@ -44,6 +44,8 @@ class Summary {
   double melting_threshold(double pressure) const;  // [K]
   // Free slip has the regime code of Coulomb friction, with a limit of 0, and a name of its own.
   bool slips_freely() const { return interface_law_ == "free_slip"; }
+  double heat_partition() const;
+  double heat_into_soft() const;  // sum over nodes; where both bodies conduct, as the ledger tells it  [J/m2]
 
   Peak peak_;
   // first time at which the interface temperature of each node reached melting_threshold(); negative: not reached  [s]
@@ -59,12 +61,13 @@ class Summary {
   std::array<Band, kBands.size()> bands_;
   std::vector<double> friction_impulse_;  // integral of s dt of each column  [Pa s]
   std::array<std::uint64_t, wire::kRegimeCount> regime_count_{};
-  double heat_ = 0.0;  // friction heat that entered the soft bodies, sum over nodes  [J/m2]
+  double heat_ = 0.0;  // friction heat that entered the bodies that conduct, sum over nodes  [J/m2]
   files::EnergyTotals energy_;
   OmittedCost omitted_;
   std::uint64_t flagged_ = 0;
 
-  double friction_work_ = 0.0;  // work against friction, sum over nodes  [J/m2]
+  double friction_work_ = 0.0;   // of the stress on the slip, sum over nodes  [J/m2]
+  double interface_work_ = 0.0;  // of the stress on the mean jump, which the bodies give, sum over nodes  [J/m2]
   // largest residual of a node's momentum balance, relative to the sum of the magnitudes in this balance
   double momentum_residual_ = 0.0;
   // largest residual of a node's energy balance, relative to the sum of the magnitudes in this balance

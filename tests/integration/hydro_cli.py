@@ -134,6 +134,15 @@ class Results(HydroTest):
         self.assertEqual(self.hydro().returncode, 0)
         self.assertTrue((self.out / "regimes.png").exists())
 
+    def test_work_is_that_of_the_slip_and_heat_that_of_the_soft_body(self):
+        values = self.run_well(scene=PROBLEMS / "paper_section_6.toml")  # the layer flows, and both bodies conduct
+        summary, closed = values["summary"], values["regime"] > 0
+        power, jump = values["shear_stress"] * values["dt"][:, None], 0.5 * (values["velocity_jump"] + values["velocity_jump_new"])
+        self.assertAlmostEqual(summary["friction_work_j_per_m2"] / (power * values["sliding_velocity"])[closed].sum(), 1.0, places=9)
+        self.assertAlmostEqual(summary["interface_work_j_per_m2"] / (power * jump).sum(), 1.0, places=9)
+        self.assertGreater(summary["interface_work_j_per_m2"], 2 * summary["friction_work_j_per_m2"])
+        self.assertAlmostEqual(summary["heat_into_soft_body_j_per_m2"] / (summary["columns"] * summary["layer_energy"]["heat_to_soft_j_per_m2"]), 1.0, places=9)
+
     def test_summary_agrees_with_the_histories(self):
         values = self.run_well()
         summary = values["summary"]
