@@ -391,8 +391,9 @@ void SocketConnection::handshake_failed(int event, std::uint32_t detail) {
     silent_failures_ = 0;
   } else if (event == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH && keys) {
     refused("the server does not admit this client's key",
-            fmt::format("Ask its operator to add this line to the file --authorized-keys: {} {}", own_public_key(),
-                        options().name));
+            fmt::format("Ask its operator to add this line to the file --authorized-keys or, if it is there, to look "
+                        "what the log says of the file: {} {}",
+                        own_public_key(), options().name));
   } else if (event == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH) {
     refused(fmt::format("the server does not admit this client, of uid {}", ::geteuid()),
             fmt::format("Run as the server's user, or have it started with --allow-uid {}.", ::geteuid()));

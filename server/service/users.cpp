@@ -14,6 +14,14 @@ namespace shearbus::service {
 
 using wire::Code;
 
+namespace {
+
+double megabytes(std::uint64_t bytes) {
+  return static_cast<double>(bytes) / (1 << 20);
+}
+
+}  // namespace
+
 Service::User& Service::user(std::string_view identity) {
   const auto found = users_.find(identity);
   return found != users_.end() ? found->second : users_[std::string(identity)];
@@ -55,15 +63,14 @@ void Service::check_memory(std::uint64_t wanted, std::size_t nodes, const Caller
   const std::uint64_t used = caller.is_operator || replaying_ ? 0 : usage_of(owner).state_bytes;
   if (!caller.is_operator && !replaying_ && (used > most || wanted > most - used))
     refuse(Code::kLimit, "",
-           fmt::format("the states of {} need {} MB; {} has {} MB in use, and the quota of a user "
-                       "is {} MB",
-                       wire::counted(nodes, "node"), wanted >> 20, owner, used >> 20, most >> 20),
+           fmt::format("the states of {} need {:.1f} MB; {} has {:.1f} MB in use, and the quota of a user is {:.1f} MB",
+                       wire::counted(nodes, "node"), megabytes(wanted), owner, megabytes(used), megabytes(most)),
            "Use a graded grid with fewer cells, close sessions, or ask the operator of the server for "
            "a larger --memory-per-user-mb.");
   if (metrics_.state_bytes > all || wanted > all - metrics_.state_bytes)
     refuse(Code::kLimit, "",
-           fmt::format("the states of {} need {} MB; {} of {} MB are in use", wire::counted(nodes, "node"),
-                       wanted >> 20, metrics_.state_bytes >> 20, all >> 20),
+           fmt::format("the states of {} need {:.1f} MB; {:.1f} of {:.1f} MB are in use", wire::counted(nodes, "node"),
+                       megabytes(wanted), megabytes(metrics_.state_bytes), megabytes(all)),
            "Use a graded grid with fewer cells, close sessions, or give the server more memory.");
 }
 
