@@ -227,10 +227,11 @@ Json sessions_of(Operator& server) {
 }
 
 void show_sessions(Operator& server, bool json) {
+  const Json sessions = sessions_of(server);
   if (!json)
     fmt::print("{:<32} {:>8} {:>8} {:>9} {:>8} {:>8}  {}\n", "session", "nodes", "version", "last seq", "age, s",
                "idle, s", "scene, opened by");
-  for (const Json& session : sessions_of(server)) {
+  for (const Json& session : sessions) {
     if (json) {
       Json line = {{"session", session.at("session_id")}};
       line.update(
