@@ -7,6 +7,6 @@
 
 namespace shearbus::physics {
 
-inline constexpr std::uint16_t kNumericsVersion = 16;
+inline constexpr std::uint16_t kNumericsVersion = 17;
 
 }  // namespace shearbus::physics

@@ -113,6 +113,23 @@ TEST(PhysicsBits, AreTheSameInRegistersOfAnyWidthWhereWorkHeatsUnderForce) {
   compare_widths(draw, 10, [&](int, bool extreme) { return random_forced_inertia_heat_options(draw, extreme); });
 }
 
+// The same for work that heats a plastic layer: the searches of the lanes of a register change where their heat goes one by
+// one.
+TEST(PhysicsBits, AreTheSameInRegistersOfAnyWidthWhereAPlasticLayerHeatsInPlace) {
+  if (!machine_has_registers_of_four()) GTEST_SKIP() << "this machine has registers of two doubles only";
+  Draw draw(100);
+  compare_widths(draw, 200, [&](int, bool extreme) {
+    ModelOptions options = random_options(draw, Strategy::kForceDriven, extreme);
+    if (options.soft.flow_law != FlowLaws::place<SteinbergCochranGuinan>()) options.soft = paper_options().soft;
+    options.plastic_layer = true;
+    options.hard_grid = options.grid;
+    options.taylor_quinney_factor = 0.9;
+    options.modes.reset();
+    options.melt_film.reset();
+    return options;
+  });
+}
+
 // The same for each limit that the kernels of the force-driven step have: junctions, friction that falls with slip or
 // temperature, both orders in time.
 TEST(PhysicsBits, AreTheSameInRegistersOfAnyWidthUnderEveryFriction) {

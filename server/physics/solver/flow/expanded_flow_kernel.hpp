@@ -11,6 +11,7 @@ inline constexpr double kMargin = 1.0 + 1e-9;
 inline constexpr double kLeastLoad = 0x1p-1022;    // smallest stress  [Pa]
 inline constexpr double kRoundedUp = 1.0 + 1e-12;  // so that a flux is as near as its stress in spite of rounding
 inline constexpr double kUnlimited = 1e9;          // limit of a lane whose yielding vertices are not known
+inline constexpr std::uint32_t kAllOfRegister = (1u << kWidth) - 1u;
 inline constexpr int kNewtonSteps = 2;             // of find_roots(); the balance is nearly linear in y
 inline constexpr double kMostChange = 0.5;         // largest relative change of the series with which a root is of use
 
@@ -98,7 +99,7 @@ struct Following {
     store(strain, bounds.strain[block] + lane);
     store(spread, bounds.spread[block] + lane);
   }
-  flow.bounds_known |= ((1u << kWidth) - 1u) << lane;
+  flow.bounds_known |= kAllOfRegister << lane;
 }
 
 // Expands the vertices of the lanes of a register about `base`, sums their flow there and writes the strain.
@@ -144,7 +145,7 @@ template <class Law, bool kSpread>
     const Mask skips = without(inside), open = (limit >= kUnlimited) & (vertex.growth < kSteep);
     const Register hottest = kMargin * vertex.hot * (1.0 + kHotter + kHotter * vertex.growth);
     if (!limited && everywhere((open & (hottest < cold)) | skips)) {
-      if ((flow.bounds_known >> lane & 1u) == 0) find_bounds(flow, lane);
+      if ((flow.bounds_known >> lane & kAllOfRegister) != kAllOfRegister) find_bounds(flow, lane);
       const Register most_rise = flux * (kSpread ? load(bounds.spread[block] + lane) : all(problem.response[end]));
       const Mask colder = (T >= load(bounds.T_ad[block] + lane) + most_rise) & (rise >= most_rise);
       const Mask harder = hottest < fresh + load(bounds.strain[block] + lane);
