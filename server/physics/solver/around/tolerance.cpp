@@ -151,7 +151,9 @@ void ControlledStep::relax(const TileOutputs& piece) {
   const double* stress = accepted_ + problem_.layout.shear_stress;
   for (const int l : lanes_of(open_)) {
     const bool falls = std::abs(piece.shear_stress[l]) < std::abs(stress[l]) || piece.shear_stress[l] * stress[l] < 0.0;
-    if (falls) now_.active |= 1u << l;
+    // Of a jump that is slip and turns the stress before is no part of the step, which starts at the yield stress.
+    const bool starts_anew = jump_is_slip(problem_.options) && now_.velocity_jump[l] * stress[l] < 0.0;
+    if (falls && !starts_anew) now_.active |= 1u << l;
   }
   if (now_.active == 0) return;
   TileInputs still = now_;
