@@ -92,6 +92,8 @@ def five_numbers(runs):
     heat_key = next((key for key in ("friction_heat_j", "friction_heat_j_per_m", "friction_work_j_per_m2") if key in runs[0].summary), None)
 
     def heat(run):
+        if heat_key == "friction_work_j_per_m2" and (layer := run.summary.get("layer_energy")):  # means of the columns
+            return layer["heat_to_soft_j_per_m2"] + layer["heat_to_hard_j_per_m2"]
         if heat_key == "friction_work_j_per_m2":  # of all columns
             return run.summary[heat_key] / run.summary["columns"] if heat_key in run.summary else None
         if heat_key:

@@ -161,7 +161,7 @@ def the_case(run, sources):
     cone, pressure = run.scene.get("hydro", {}).get("cone_target", {}), span(run["pressure"], 1e-9, "GPa") if "pressure" in run else ""
     soft_name, hard_name = (body.get("material", "") for body in (soft, hard))
     facts = [("flyer", f"{number(cone['flyer_speed_m_per_s'])} m/s, {hard_name}" if "flyer_speed_m_per_s" in cone else ""), ("cone", soft_name if cone else ""), ("confinement", hard_name if cone else ""),
-             ("velocity jump", "" if cone else speeds(run)), ("pressure", pressure), ("strategy", run.scene.get("strategy", "")), ("friction coefficient", run.scene.get("interface", {}).get("friction_coefficient", "")),
+             ("velocity jump", "" if cone or not run.table else speeds(run)), ("pressure", pressure), ("strategy", run.scene.get("strategy", "")), ("friction coefficient", run.scene.get("interface", {}).get("friction_coefficient", "")),
              ("melting curve", soft.get("melting_curve", "")), ("heat", run.scene.get("layer", {}).get("heat", "")), ("time integrator", run.scene.get("layer", {}).get("time_integrator", "")),
              ("tolerance", run.scene.get("layer", {}).get("tolerance", ""))]
     if "pairs" in run:
@@ -379,8 +379,10 @@ def ledger(run):
             found.append(bars(parts, f"kinetic energy of the start, {number(begin.sum())} {unit}, at {run.frame()['time']:.3g} µs", unit))
     layer = summary.get("layer_energy", {})
     if layer.get("interface_work_j_per_m2"):
+        left = layer["interface_work_j_per_m2"] - layer["energy_residual_j_per_m2"] - sum(layer[f"{term}_j_per_m2"] for term in ("heat_to_soft", "heat_to_hard", "elastic_energy"))
+        cold = left if left > 1e-9 * layer["interface_work_j_per_m2"] else 0.0
         parts = [("heat to the soft body", layer["heat_to_soft_j_per_m2"], style.SECOND), ("heat to the hard body", layer["heat_to_hard_j_per_m2"], SHARES[1]),
-                 ("plastic work in the layer", layer["plastic_work_j_per_m2"], SHARES[2]), ("elastic energy", layer["elastic_energy_j_per_m2"], SHARES[0])]
+                 ("plastic work that stays cold", cold, SHARES[2]), ("elastic energy", layer["elastic_energy_j_per_m2"], SHARES[0])]
         found.append(bars([part for part in parts if part[1]], f"work of the interface stress, {number(layer['interface_work_j_per_m2'])} J/m², mean of the nodes", "J/m²"))
     keys = (("energy_residual", "energy of the hydrocode"), ("momentum_residual", "momentum of the hydrocode"))
     rows = [(what, share(summary[key])) for key, what in keys if key in summary]

@@ -164,6 +164,10 @@ class Report(unittest.TestCase):
         self.assertFalse("kept no profiles" in replay)
         self.assertTrue("kept no profiles" in column)
 
+    def test_a_run_without_an_interface_has_a_report(self):
+        run(OPTIONS.hydro, SOURCE / "hydro_stub/problems/verification/patch_test.toml", "--out", self.path / "patch", "--no-plot", "--no-progress")
+        self.assertEqual(self.program(self.path / "patch", "-o", self.path / "patch.html"), 0)
+
     def test_runs_of_one_law_are_told_apart_by_label_and_colour(self):
         others = []
         for value in ("100e6", "200e6"):
