@@ -226,23 +226,25 @@ void Service::run_again(std::span<const std::byte> header, std::span<const std::
 }
 
 void Service::replay(const store::Record& record, std::uint64_t epoch) {
-  const auto refuse = [&](const std::string& why) {
-    throw store::DamagedFile(fmt::format("journal record {} (request {} of session {}): {}", record.index,
-                                         record.sequence, short_name(record.session), why));
+  const auto of_record = [&](const std::string& why) {
+    return fmt::format("journal record {} (request {} of session {}): {}", record.index, record.sequence,
+                       short_name(record.session), why);
   };
   const auto known = members_.find(record.session);
   if (known != members_.end() && known->second->shard && sum_of(known->second->conversation) != record.previous_reply)
-    refuse(
-        "replaying the one before gave other numbers than the server answered with. Recover with the build that wrote "
-        "it, "
-        "on the same kind of machine");
+    throw store::DamagedFile(
+        of_record("replaying the one before gave other numbers than the server answered with. Recover with the build "
+                  "that wrote it, on the same kind of machine"));
   if (options_.while_replaying) options_.while_replaying();
   if (record.header_frame.empty()) return;
   granted_epoch_ = record.sequence;
   try {
     run_again(record.header_frame, record.payload_frame, record.identity, epoch);
   } catch (const Error& fault) {
-    refuse(std::string("it is refused now: ") + fault.what());
+    throw store::OtherOptions(of_record(
+        fmt::format("it is refused now: {} Start the server with the options that it had; or leave the session out: "
+                    "--drop-session {}",
+                    describe(fault.status()), short_name(record.session))));
   }
 }
 

@@ -20,6 +20,10 @@ class DamagedFile : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
+// Of sound bytes which this server, with other options than it had, does not take.
+class OtherOptions : public DamagedFile {
+  using DamagedFile::DamagedFile;
+};
 
 // Thrown for a journal whose requests another version of the numerics must replay. No file is damaged.
 class OtherNumerics : public std::runtime_error {

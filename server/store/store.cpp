@@ -117,7 +117,9 @@ void Store::recover(Recovery& recovery) {
     const std::string text = fault.what();
     if (dynamic_cast<const OtherNumerics*>(&fault) != nullptr) throw;
     if (options_.accept_empty && !left_out_.wanted()) return start_empty(found, recovery, text);
-    if (dynamic_cast<const DamagedFile*>(&fault) == nullptr || text.ends_with(kOfLoss)) throw;
+    if (dynamic_cast<const DamagedFile*>(&fault) == nullptr || dynamic_cast<const OtherOptions*>(&fault) != nullptr ||
+        text.ends_with(kOfLoss))
+      throw;
     throw DamagedFile(text + kOfRestoring);
   }
 }

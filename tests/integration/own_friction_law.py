@@ -98,7 +98,7 @@ class OwnFrictionLaw(served.Served):
 
     def test_a_replay_takes_a_law_of_its_own(self):
         bus = f"ipc://{self.path}/durable"
-        served.serve(self, self.path / "durable.log", OPTIONS.server, "--bind", bus, "--state-dir", self.path / "state", *self.laws)
+        durable = served.serve(self, self.path / "durable.log", OPTIONS.server, "--bind", bus, "--state-dir", self.path / "state", *self.laws)
         with shearbus.open(scene("negative"), nodes=range(4), endpoint=bus) as session:
             self.forced(session, np.full(4, 1e8))
             self.forced(session, np.array([1e8, 3e8, 1e8, 1e8]))
@@ -107,6 +107,10 @@ class OwnFrictionLaw(served.Served):
         self.refused(OPTIONS.replay, "--capsule", capsule, said="--friction-law NAME=/path/library.so")
         self.assertIn("the same answer, to the last bit", self.run_program(OPTIONS.replay, "--capsule", capsule, *own).stdout)
         self.refused(OPTIONS.replay, "--capsule", capsule, "--server", bus, said="--capsule excludes --server", code=2)
+        durable.kill()
+        durable.wait()
+        errors = self.refused(OPTIONS.server, "--bind", bus, "--state-dir", self.path / "state", said="Start the server with the options that it had")
+        self.assertNotIn("--accept-empty", errors)
 
     def test_a_library_without_a_law_stops_the_start(self):
         for given, told, code in ((f"x={self.path}/none.so", "none.so", 1), ("x", "NAME=FILE", 2),
