@@ -58,9 +58,11 @@ install(FILES client/examples/constant_friction.toml client/examples/host.c clie
         DESTINATION ${CMAKE_INSTALL_DATADIR}/shearbus/examples COMPONENT development)
 
 # The pages, the examples, the scenes, and whatever else a page links, in the folders of the sources, so that the links hold.
-file(GLOB_RECURSE pages RELATIVE ${PROJECT_SOURCE_DIR} README.md .github/*.md client/*.md deploy/*.md hydro_stub/*.md proto/*.md server/*.md tests/*.md)
+file(GLOB_RECURSE pages RELATIVE ${PROJECT_SOURCE_DIR} .github/*.md client/*.md deploy/*.md hydro_stub/*.md proto/*.md server/*.md tests/*.md)
 list(FILTER pages EXCLUDE REGEX ISSUE_TEMPLATE)
-file(GLOB_RECURSE documents RELATIVE ${PROJECT_SOURCE_DIR} client/examples/* hydro_stub/problems/*.toml)
+list(PREPEND pages README.md)
+file(GLOB_RECURSE documents RELATIVE ${PROJECT_SOURCE_DIR} client/examples/* hydro_stub/problems/*.toml proto/shearbus/*.proto
+     tests/contract/outsider.py)
 foreach(page ${pages})
   get_filename_component(folder ${page} DIRECTORY)
   file(READ ${page} text)
