@@ -791,6 +791,7 @@ contains
   subroutine copy(self, other)
     class(shearbus_interface), intent(inout) :: self
     type(shearbus_interface), intent(in) :: other
+    if (c_associated(self%handle) .and. c_associated(self%handle, other%handle)) return  ! itself: a copy has no session
     call drop(self)
     self%shearbus_columns = other%shearbus_columns
   end subroutine

@@ -984,10 +984,16 @@ int shearbus_mpi_step_on_root(shearbus_mpi* ranks, shearbus_session* session, co
   make_plan(&now, request, &mine);
   root = mine;
   mpi(&now, MPI_Bcast(&root, (int)sizeof root, MPI_BYTE, 0, ranks->comm));
-  if (memcmp(&root, &mine, sizeof root) != 0)
-    refuse(&now, SHEARBUS_SHAPE, "", "Give the same columns in the same order, dt and mode on all ranks.",
-           "the step is another one than that of rank 0 (its dt is %g s, and that of rank 0 is %g s)", mine.dt_s,
-           root.dt_s);
+  if (memcmp(&root, &mine, sizeof root) != 0) {
+    const char* const remedy =
+        "Give the same columns in the same order, node ids on all or on no rank, dt and mode on all ranks.";
+    if (mine.dt_s != root.dt_s)
+      refuse(&now, SHEARBUS_SHAPE, "", remedy, "the dt of the step is %g s, and that of rank 0 %g s", mine.dt_s,
+             root.dt_s);
+    else
+      refuse(&now, SHEARBUS_SHAPE, "", remedy,
+             "the step has other columns, node ids or another mode than that of rank 0");
+  }
   if (ranks->rows == NULL)
     refuse(&now, SHEARBUS_INVALID_VALUE, "", "Call shearbus_step() on every rank.",
            "every rank has a session of its own");
