@@ -40,7 +40,7 @@ void Access::check(const ServerOptions& options) {
 Access::Access(const ServerOptions& options)
     : uids_(options.allow_uids), insecure_plaintext_(options.insecure_plaintext), keys_file_(options.authorized_keys) {
   check(options);
-  if (uids_.empty()) uids_ = {::geteuid()};
+  uids_.push_back(::geteuid());
   if (options.curve_secret.empty()) return;
   secret_key_ = files::read_secret_key(options.curve_secret);
   read_authorized_keys();

@@ -141,7 +141,7 @@ void add_options(CLI::App& app, ServerOptions& options) {
       ->needs(record);
   shearbus::program::whole_number(
       app.add_option("--allow-uid", options.allow_uids,
-                     "Users who may connect by ipc, by number, repeatable; by default the one the server runs as"))
+                     "Users who may connect by ipc beside the one the server runs as, by number, repeatable"))
       ->type_name("UID");
   app.add_option("--curve-secret", options.curve_secret,
                  "File of the server's secret key, from shearbus-ctl keygen: tcp clients must have keys, too")

@@ -29,7 +29,7 @@ struct ServerOptions {
   bool accept_empty = false;                 // rename unusable state files and start empty
   std::string record_dir;                    // directory of event logs; empty: nothing is recorded
   std::vector<std::string> record_sessions;  // with record_dir: scenes or domains to record; empty: all sessions
-  std::vector<std::uint32_t> allow_uids;     // uids that may use ipc endpoints; empty: the server's own
+  std::vector<std::uint32_t> allow_uids;     // uids that may use ipc endpoints beside the server's own
   std::string curve_secret;                  // file of the server's secret key; with it tcp clients must have keys
   std::string authorized_keys;               // file of the keys of tcp clients, with curve_secret
   bool insecure_plaintext = false;           // allows tcp without keys: every client that connects is served
