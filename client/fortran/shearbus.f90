@@ -861,10 +861,28 @@ contains
     end if
     if (columns%code == 0) call adopt(self, columns)
     if (columns%code == 0 .and. associated(self%fell_back)) then
-      if (self%fell_back /= 0) call self%law(self)
+      if (self%fell_back /= 0) call ask_law(self, columns)
       self%fell_back = 0
     end if
     call report(columns%code, columns%status, stat, msg)
+  end subroutine
+
+  ! The host's own law answers a step. It fills whole columns; of a step with a mask, the rows stepped are taken.
+  subroutine ask_law(self, columns)
+    class(shearbus_interface), intent(inout) :: self
+    type(columns_of_step), intent(in) :: columns
+    real(real64), allocatable :: former(:, :)
+    integer :: i, answered_columns
+    answered_columns = merge(columns%n_out, 0, columns%masked)
+    allocate (former(self%n, answered_columns))
+    do i = 1, answered_columns
+      former(:, i) = columns%answers(i)%values
+    end do
+    call self%law(self)
+    do i = 1, answered_columns
+      former(columns%rows, i) = columns%answers(i)%values(columns%rows)
+      columns%answers(i)%values = former(:, i)
+    end do
   end subroutine
 
   subroutine start(self, dt, time, trial, commit_previous, all_or_nothing, mask, open_absent, stat, msg)
@@ -931,7 +949,7 @@ contains
     if (allocated(self%bytes) .and. .not. associated(self%started)) then
       if (size(self%bytes, 1) < columns%count) deallocate (self%bytes)
     end if
-    if (.not. allocated(self%bytes)) allocate (self%bytes(max(columns%count, 1), 2))
+    if (.not. allocated(self%bytes)) allocate (self%bytes(max(columns%count, 1), 2), source=0_c_int8_t)
     columns%direct = .not. columns%masked .and. self%n > 0 .and. allocated(self%regime)
     if (columns%direct) columns%direct = size(self%regime) == self%n
     associate (request => columns%request)
@@ -969,7 +987,8 @@ contains
     if (flag) number_of = 1
   end function
 
-  ! Takes over an answer. Rows that were not stepped keep their former answers.
+  ! Takes over an answer. Rows that were not stepped keep their former answers, and so do those that the host's own law
+  ! is about to answer.
   subroutine adopt(self, columns)
     class(shearbus_interface), intent(inout) :: self
     type(columns_of_step), intent(in) :: columns
@@ -989,9 +1008,12 @@ contains
       self%flags = remarkable
       return
     end if
-    self%regime(columns%rows) = self%bytes(:columns%count, 2)
     self%outcome(columns%rows) = iand(int(self%bytes(:columns%count, 1)), 255)
     self%flags = self%flags .or. any(self%bytes(:columns%count, 1) /= 0)
+    if (associated(self%fell_back)) then
+      if (self%fell_back /= 0) return
+    end if
+    self%regime(columns%rows) = self%bytes(:columns%count, 2)
     do i = 1, columns%n_out
       columns%answers(i)%values(columns%rows) = columns%out(:columns%count, i)
     end do

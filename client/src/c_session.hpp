@@ -47,7 +47,7 @@ struct shearbus_session {
   std::vector<shearbus_output> outputs;
   bool started = false;  // true between shearbus_start() and shearbus_finish()
   std::chrono::milliseconds reply_deadline{0};
-  std::optional<shearbus::Fallback> fallback;  // set if the host has a law of its own and the user allows it
+  std::optional<shearbus::Fallback> fallback;  // set once the host has given a law of its own
   bool ignores_environment = false;
 
  private:

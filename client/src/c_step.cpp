@@ -291,14 +291,15 @@ int shearbus_step(shearbus_session* session, const shearbus_request* request, sh
       const auto step = [&]() -> const StepResult& { return session->session->step(session->batch, options); };
       deliver(*session, with_columns(*session, step), result);
     };
-    if (session->fallback && given.mode == SHEARBUS_ADVANCE && !session->started)
+    const bool may_fall_back = session->fallback && session->fallback->allowed();
+    if (may_fall_back && given.mode == SHEARBUS_ADVANCE && !session->started)
       return step_or_fall_back(*session, given, result, ask);
     session_of(session);
     try {
       ask(prepare(*session, given));
     } catch (const Error& fault) {
       wire::Status status_of_fault = fault.status();
-      if (session->fallback || session->ignores_environment || environment("SHEARBUS_FALLBACK").empty() ||
+      if (may_fall_back || session->ignores_environment || environment("SHEARBUS_FALLBACK").empty() ||
           !Fallback::is_gone(status_of_fault.code))
         throw;
       status_of_fault.remedy +=
@@ -311,9 +312,9 @@ int shearbus_step(shearbus_session* session, const shearbus_request* request, sh
 int shearbus_set_fallback(shearbus_session* session, shearbus_fallback_fn law, void* user, shearbus_status* status) {
   return guarded(session, status, [&] {
     session_of(session);
-    session->fallback.reset();
     const auto patience = fallback_patience(session->ignores_environment ? "" : environment("SHEARBUS_FALLBACK"));
-    if (law != nullptr && patience) session->fallback.emplace(law, user, *patience);
+    if (!session->fallback) session->fallback.emplace();
+    session->fallback->use(patience ? law : nullptr, user, patience.value_or(std::chrono::milliseconds(0)));
   });
 }
 
@@ -323,7 +324,7 @@ int shearbus_count_fallbacks(const shearbus_session* session, shearbus_fallbacks
     known(fallbacks, "shearbus_fallbacks");
     shearbus_fallbacks totals = SHEARBUS_FALLBACKS_INIT;
     if (session->fallback) totals = session->fallback->totals();
-    totals.allowed = session->fallback.has_value();
+    totals.allowed = session->fallback && session->fallback->allowed();
     give(totals, fallbacks);
   });
 }

@@ -84,8 +84,8 @@ std::string Fallback::came_back() {
       totals_.steps - before_.steps, totals_.time_s - before_.time_s);
 }
 
-std::string Fallback::summary() const {
-  if (totals_.steps == 0) return {};
+std::string Fallback::summary() {
+  if (std::exchange(told_, totals_.steps) == totals_.steps) return {};
   return fmt::format(
       "fallback: of this session the host's own law answered {} steps, {:g} s, {} node-steps, in {} absences of the "
       "server",

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -25,8 +26,14 @@ struct StepInDoubt {
 class Fallback {
  public:
   using Clock = std::chrono::steady_clock;
-  Fallback(shearbus_fallback_fn law, void* user, std::chrono::milliseconds patience)
-      : law_(law), user_(user), patience_(patience) {}
+  // Gives the host's law, or takes it away (nullptr). What the laws have answered stays counted.
+  void use(shearbus_fallback_fn law, void* user, std::chrono::milliseconds patience) {
+    law_ = law;
+    user_ = user;
+    patience_ = patience;
+  }
+  // False if the host has no law, or the user does not allow it.
+  bool allowed() const { return law_ != nullptr; }
 
   // True if a fault says that the server is gone.
   static bool is_gone(Code code);
@@ -42,8 +49,8 @@ class Fallback {
                      shearbus_result* result);
   // The server has answered again. Returns what there is to tell, or "".
   std::string came_back();
-  // What the whole session had to do without the server, or "".
-  std::string summary() const;
+  // What the whole session had to do without the server; "" if there is nothing, or nothing new since it was told.
+  std::string summary();
 
   const std::optional<StepInDoubt>& doubt() const { return doubt_; }
   void settled() { doubt_.reset(); }
@@ -51,15 +58,16 @@ class Fallback {
   const wire::Status& fault() const { return fault_; }
 
  private:
-  shearbus_fallback_fn law_;
-  void* user_;
-  std::chrono::milliseconds patience_;
+  shearbus_fallback_fn law_ = nullptr;
+  void* user_ = nullptr;
+  std::chrono::milliseconds patience_{};
   bool away_ = false;
   Clock::time_point next_look_;
   std::optional<StepInDoubt> doubt_;
   wire::Status fault_;  // of the step that found the server gone
   shearbus_fallbacks totals_ = SHEARBUS_FALLBACKS_INIT;
   shearbus_fallbacks before_ = SHEARBUS_FALLBACKS_INIT;  // the totals when the server was found gone
+  std::uint64_t told_ = 0;                               // steps that summary() has told
 };
 
 }  // namespace shearbus

@@ -58,6 +58,34 @@ class Fallback(served.Served):
             self.assertTrue(counts.steps >= 3 and counts.node_steps == 3 * counts.steps and counts.absences == 1)
             self.assertRegex("\n".join(said.output), r"(?s)answers instead of the server.*answers again; the host's own law has answered")
 
+    def test_what_the_law_leaves_is_nan_and_the_count_outlives_the_law(self):
+        os.environ["SHEARBUS_FALLBACK"] = "0.2"
+        for end in ("close", "leave", "collected"):
+            with self.subTest(end=end), self.assertLogs("shearbus", "WARNING") as said:
+                bus = self.open(want="ledger")
+                bus.step(1e-9, **INPUTS)
+                self.kill()
+                for factor in (0.2, 0.3):
+                    def stress_alone(inputs, outputs, factor=factor):
+                        outputs["stress"][:] = factor * inputs["pressure"]
+
+                    bus.set_fallback(stress_alone)
+                    for rows in ([1, 2, 3], [1, 3]):
+                        alone = bus.step(1e-9, nodes=rows, **{**INPUTS, "pressure": INPUTS["pressure"][np.array(rows) - 1]})
+                        np.testing.assert_array_equal(alone.stress, factor * INPUTS["pressure"][np.array(rows) - 1])
+                        self.assertTrue(np.isnan(alone.temperature).all() and np.isnan(alone.heat_to_soft).all())
+                        self.assertFalse(alone.regime.any())
+                bus.set_fallback(None)
+                counts = bus.fallbacks
+                self.assertEqual((counts.steps, counts.node_steps, counts.absences, counts.allowed), (4, 10, 1, False))
+                self.serve()
+                if end == "collected":
+                    del bus
+                else:
+                    getattr(bus, end)()
+            summaries = [line for line in said.output if "of this session the host's own law answered 4 steps" in line]
+            self.assertEqual(len(summaries), 1, said.output)
+
     def test_a_law_that_raises_ends_the_step(self):
         os.environ["SHEARBUS_FALLBACK"] = "0.2"
         bus = self.open()

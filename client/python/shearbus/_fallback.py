@@ -26,7 +26,10 @@ def callback(law, raised):
         try:
             asked = ctypes.cast(request, ctypes.POINTER(_library.Request)).contents
             if asked.n:
-                law(_columns(asked.inputs, asked.n_inputs, asked.n), _columns(asked.outputs, asked.n_outputs, asked.n))
+                outputs = _columns(asked.outputs, asked.n_outputs, asked.n)
+                for values in outputs.values():
+                    values.fill(numpy.nan if values.dtype.kind == "f" else 0)
+                law(_columns(asked.inputs, asked.n_inputs, asked.n), outputs)
             return 0
         except BaseException as fault:
             raised.append(fault)

@@ -474,7 +474,7 @@ class Session:
     def set_fallback(self, law):
         """Gives the host's own law, for steps (not trials) while the server is gone, if the user allows it by the environment
         variable SHEARBUS_FALLBACK, the time in s that a step gives the server. law(inputs, outputs) fills the arrays of the
-        outputs, {name: array}; "2" behind a name stands for the second component. Rows of such a step have the outcome Outcome.FALLBACK
+        outputs, {name: array}; "2" behind a name stands for the second component; what it does not fill is NaN (a regime: 0). Rows of such a step have the outcome Outcome.FALLBACK
         and are flagged, and `fallbacks` counts them. None takes the law away."""
         function = None if law is None else callback(law, self._host.raised)
         self._call("set_fallback", ctypes.cast(function, ctypes.c_void_p) if law else None, None)
@@ -671,5 +671,6 @@ def _answer(mode, plan, rows, block):
 
 
 def _leave(handle, host):
-    """Frees a handle. host: lives as long as the handle."""
+    """Frees a handle, and passes on what the library says of the session's end. host: lives as long as the handle."""
     _library.library().shearbus_leave(ctypes.byref(handle))
+    host.after_call(opening=True)
