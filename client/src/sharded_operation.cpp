@@ -106,10 +106,16 @@ bool ShardedSession::go_on() {
     case Stage::kDropTrial:
       trial_stands_ = false;
       operation.stage = Stage::kAsked;
-      ask_all(std::get<wire::Rollback>(operation.question.body));
+      ask_to_roll_back(std::get<wire::Rollback>(operation.question.body));
       break;
     case Stage::kAsked: {
       if (!refused) {
+        const auto has_waited = [](const Asked& of_shard) { return !of_shard.reply; };
+        if (asks<wire::Rollback>(operation.question) && std::ranges::any_of(asked, has_waited)) {
+          for (std::size_t k = 0; k < asked.size(); ++k)
+            if (has_waited(asked[k])) ask(k, operation.question.body);
+          break;
+        }
         if (step == nullptr || step->mode != wire::Mode::kAdvance || !last_of_step(*step)) return false;
         for (Asked& of_shard : asked) of_shard.answer = std::move(of_shard.reply);
         operation.stage = Stage::kCommit;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <iterator>
 #include <utility>
 #include <variant>
 
@@ -205,6 +206,8 @@ void ShardedSession::begin(const wire::Request& request, std::uint64_t hash) {
       // First the trials, so that after a crash of this client none of them is taken for a step to be committed.
       operation_->stage = Stage::kDropTrial;
       ask_all(wire::Rollback{});
+    } else if (to_mark) {
+      ask_to_roll_back(*rollback);
     } else if (asks<wire::Commit, wire::Rollback, wire::Mark, wire::AcceptNodes>(request)) {
       ask_all(request.body);
     } else {
@@ -247,6 +250,24 @@ void ShardedSession::begin_step(const wire::Request& request, const wire::Downsc
   asked.commit_previous = operation_->commits_previous = step.commit_previous && !previous_committed_;
   // A shard without rows takes part, too, so that all shards count the same steps.
   for (std::size_t k = 0; k < shards_.size(); ++k) ask(k, asked, rows_of(request.batch, rows_in(*operation_, k)));
+}
+
+// Asks first the shards to which the mark would bring nodes back: these alone can refuse it, where another session has
+// the nodes. The others go back once these have.
+void ShardedSession::ask_to_roll_back(const wire::Rollback& rollback) {
+  Ids returning;
+  if (const auto mark = marks_.find(rollback.to_mark); mark != marks_.end()) {
+    Ids then = *mark->second;
+    Ids now = *node_ids_;
+    std::ranges::sort(then);
+    std::ranges::sort(now);
+    std::ranges::set_difference(then, now, std::back_inserter(returning));
+  }
+  if (returning.empty()) return ask_all(rollback);
+  for (Asked& asked : operation_->asked) asked.reply.reset();  // to what came before
+  const auto rows = rows_of_shards(returning, links_.size());
+  for (std::size_t k = 0; k < shards_.size(); ++k)
+    if (!rows[k].empty()) ask(k, rollback);
 }
 
 void ShardedSession::begin_nodes(const wire::Request& request, bool leaving) {

@@ -124,6 +124,7 @@ class ShardedSession {
   void undo();
   void begin_opening(const wire::Request& request, const wire::OpenSession& opening);
   void begin_step(const wire::Request& request, const wire::Downscale& step);
+  void ask_to_roll_back(const wire::Rollback& rollback);
   void begin_nodes(const wire::Request& request, bool leaving);
   Received complete();
   void ask(std::size_t shard, Body body, Batch batch = {});

@@ -269,6 +269,36 @@ TEST(Shards, ThatAreMissingLeaveTheCallToBeRepeated) {
   EXPECT_EQ(fault_of([&] { session.commit(); }).code, Code::kNothingToCommit);
 }
 
+TEST(Shards, AllStayWhereARollbackIsRefusedForANodeOfAnotherSession) {
+  Servers servers(3);
+  Client client = servers.client({0, 1, 2});
+  Session session = open(client, "run");
+  Client other_client = servers.client({0, 1, 2});
+  Session other = open(other_client, "run", support::node_ids(4, 900));
+  const auto step = [&] {
+    session.advance(support::step_columns(Strategy::kVelocityDriven, session.node_ids, 0), {.dt_s = 1e-9});
+  };
+  step();
+  session.mark("before");
+  const std::vector<std::uint64_t> moved = {kNodes[4]};
+  other.accept_nodes(session.offer_nodes(moved));
+  step();
+  for (const bool trial : {false, true}) {
+    if (trial) session.trial(support::step_columns(Strategy::kVelocityDriven, session.node_ids, 0), {.dt_s = 1e-9});
+    const wire::Status refused = fault_of([&] { session.rollback_to("before"); });
+    EXPECT_EQ(refused.code, Code::kNodeOwned) << refused.text;
+    EXPECT_EQ(refused.node_ids, moved);
+    step();
+  }
+  EXPECT_EQ(session.mark("after").state_version, 4u);
+  // Once the node is free, all go back.
+  other.retire_nodes(moved);
+  EXPECT_EQ(session.rollback_to("before"), 1u);
+  EXPECT_EQ(session.node_ids, kNodes);
+  step();
+  EXPECT_EQ(session.mark("again").state_version, 2u);
+}
+
 TEST(Shards, ThatAreMissingLeaveTheOpeningToBeRepeated) {
   Servers servers(2);
   Client client = servers.client({0, 1});

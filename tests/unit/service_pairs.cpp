@@ -355,9 +355,11 @@ TEST(ServicePairs, AToleranceThatChoosesOtherCellsIsRefused) {
 
 TEST(ServicePairs, AWarningOfAPairNamesItAndANoteStaysANote) {
   const std::string text = support::text_of(support::force_scene());
-  const SessionPairs made(scene_model(text + "[pair.a.layer]\nthickness_m = 30e-6\n", "scene"), {});
+  const SessionPairs made(
+      scene_model(text + "[pair.a.layer]\nthickness_m = 30e-6\ncells = 24\ngrading = 1.15\n", "scene"), {});
   EXPECT_THAT(made.warnings(), ::testing::Contains(::testing::StartsWith("note: [pair.a]: the far face is insulated")));
-  const SessionPairs soft(scene_model(text + "[pair.a.soft]\nyield_strength_pa = 400e6\n", "scene"), {});
+  const SessionPairs soft(
+      scene_model(text + "[pair.a.soft]\nmaterial = \"aluminium_dlp\"\nyield_strength_pa = 400e6\n", "scene"), {});
   EXPECT_THAT(soft.warnings(), ::testing::Contains(::testing::StartsWith("[pair.a]: the hard body's yield strength")));
 }
 
