@@ -134,7 +134,8 @@ int report_caught(shearbus_status* to) noexcept;  // the exception that is being
 // Runs the body of a function of the interface, and turns what it throws into a code and a status.
 template <typename Body>
 int guarded(shearbus_status* status, const Body& body) noexcept {
-  if (status != nullptr && !has_sound_size(*status)) return SHEARBUS_INVALID_VALUE;
+  if (status != nullptr && !has_sound_size(*status))
+    return report(nullptr, SHEARBUS_INVALID_VALUE, "the size of shearbus_status is wrong: start it from its _INIT");
   const Entry entry;
   try {
     body();

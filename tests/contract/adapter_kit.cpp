@@ -121,6 +121,7 @@ shearbus::Contact plain() {
 void nodes_and_refusals() {
   shearbus::Options given = options(1);
   given.check_closure = SHEARBUS_CHECK_OFF;
+  given.domain = "kit";
   shearbus::ContactLaw law(given, {1}, 2);
   law.touch(1, plain());
   REFUSED(law.touch(1, plain()), SHEARBUS_DUPLICATE_NODE, "node 1 is touched twice");
@@ -145,6 +146,23 @@ void nodes_and_refusals() {
   law.solve(1e-15);
   CHECK(law.temperature(1) < hot && law.temperature(1) > 300.0);
   CHECK(law.touches(1) && !law.touches(2));
+  // After a refused solve() the same one is refused again, and touch() begins another step.
+  wrong = plain();
+  wrong.pressure = std::nan("");
+  law.touch(1, wrong);
+  REFUSED(law.solve(kDt), SHEARBUS_INVALID_VALUE, "pressure_pa of node 1");
+  REFUSED(law.solve(kDt), SHEARBUS_INVALID_VALUE, "pressure_pa of node 1");
+  law.touch(1, plain());
+  law.solve(kDt);
+  CHECK(law.touches(1));
+  // Nor does a node stay in the way that another session of the domain has.
+  shearbus::ContactLaw neighbour(given, {50}, 2);
+  law.touch(50, plain());
+  REFUSED(law.solve(kDt), SHEARBUS_NODE_OWNED, "node 50");
+  law.touch(2, plain());
+  law.solve(kDt);
+  CHECK(law.touches(2) && !law.touches(50) && law.session().node_ids() == (shearbus::Ids{1, 2}));
+  neighbour.session().close();
   REFUSED(shearbus::ContactLaw other(options(1), {1}, 3), SHEARBUS_SHAPE, "tangential_components = 1");
   law.session().close();
 }

@@ -565,6 +565,10 @@ static void operators(void) {
   CHECK(strstr(answer_to(of, SHEARBUS_ASK_CLOSE, named), "\"node_steps\": 6") != NULL);
   REFUSED(shearbus_step(session, &request, NULL, &status), SHEARBUS_UNKNOWN_SESSION, "");
   CHECK(strcmp(shearbus_fault_text(), status.text) == 0);
+  shearbus_status empty;
+  memset(&empty, 0, sizeof empty);  /* without its _INIT it has no place for a text */
+  CHECK(shearbus_open(NULL, NULL, 0, NULL, NULL, &empty) == SHEARBUS_INVALID_VALUE);
+  CHECK(strstr(shearbus_fault_text(), "shearbus_status") != NULL);
   shearbus_leave(&session);
   shearbus_disconnect(&of);
   CHECK(of == NULL);

@@ -340,7 +340,7 @@ static void on_root(void) {
   shearbus_request request = request_of(0, n, ids, 0);
   if (size > 1) {
     if (last) request.dt_s = 2e-9;
-    REFUSED(shearbus_mpi_step_on_root(ranks, bus, &request, NULL, &status), SHEARBUS_SHAPE, "its dt is 2e-09 s");
+    REFUSED(shearbus_mpi_step_on_root(ranks, bus, &request, NULL, &status), SHEARBUS_SHAPE, "the dt of the step is 2e-09 s");
   }
   request = request_of(0, n, ids, 0);
   if (rank == owner_of(3, 0)) rows[0].pressure = 1e300;

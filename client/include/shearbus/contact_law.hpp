@@ -91,7 +91,8 @@ class ContactLaw {
 
   // Steps all nodes of the session, those that were touched since the last solve() in contact.
   shearbus_result solve(double dt_s, double time_s = 0.0, std::uint64_t step_number = 0) {
-    begin();  // where no node was touched
+    if (solved_) begin();  // no node was touched
+    asked_ = true;
     register_new();
     make_room();
     ids_.reserve(1);  // a column without rows has an address, too
@@ -143,10 +144,15 @@ class ContactLaw {
     return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
   }
 
-  // The first touch of a step forgets the rows of the one before.
+  // The first touch of a step forgets the rows of the one before, answered or not, and nodes that were refused.
   void begin() {
-    if (!solved_) return;
-    solved_ = false;
+    if (!asked_) return;
+    asked_ = solved_ = false;
+    if (refused_) {
+      for (const std::uint64_t id : new_) nodes_.erase(id);
+      new_.clear();
+      refused_ = false;
+    }
     ++step_;
     ids_.clear();
   }
@@ -232,7 +238,13 @@ class ContactLaw {
 
   void register_new() {
     if (new_.empty()) return;
-    session_.register_nodes(new_);
+    try {
+      session_.register_nodes(new_);
+    } catch (const Error& fault) {
+      refused_ = fault.code() != SHEARBUS_UNKNOWN_OUTCOME && fault.code() != SHEARBUS_UNREACHABLE;
+      throw;
+    }
+    refused_ = false;
     new_.clear();
   }
 
@@ -272,7 +284,9 @@ class ContactLaw {
   Session session_;
   std::uint32_t components_ = 1;
   bool sticks_ = false;
-  bool solved_ = false;     // true from solve() to the next touch()
+  bool asked_ = false;      // true from solve() to the next touch()
+  bool solved_ = false;     // the same, if it was answered
+  bool refused_ = false;    // the nodes of new_ were refused
   std::uint64_t step_ = 1;  // number of the present step
   std::unordered_map<std::uint64_t, Node> nodes_;
   Ids ids_, new_;  // nodes of the rows of this step; nodes that the session does not have yet

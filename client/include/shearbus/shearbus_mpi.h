@@ -49,7 +49,9 @@ int shearbus_mpi_agree(shearbus_mpi* ranks, int code, shearbus_status* status);
  * shearbus_node_ids(). Afterwards the session has the nodes that stay, in their order, and then those that came, in
  * the order of the ranks they came from; the columns of a step follow that order. No trial may stand. After a refusal
  * each node is still in one session, which shearbus_node_ids() tells, and the move can be repeated from there; after
- * a lost connection nodes may wait on the server, and shearbus_rollback_to() on all ranks brings them back. */
+ * a lost connection nodes may wait on the server, and shearbus_rollback_to() on all ranks brings them back.
+ * A mark from before a move in both directions is reached by shearbus_mpi_restart() alone: until then each of two
+ * sessions has nodes that the other's mark names. */
 int shearbus_mpi_redistribute(shearbus_mpi* ranks, shearbus_session* session, const int* new_owner,
                               shearbus_status* status);
 
