@@ -289,7 +289,7 @@ void close(Operator& server, const std::string& session, double idle_s) {
 void close_domain(Operator& server, const std::string& domain, double idle_s) {
   std::vector<Json> sessions;
   for (Json& session : sessions_of(server))
-    if (text(session, "domain") == domain) sessions.push_back(std::move(session));
+    if (wire::is_domain_of_run(text(session, "domain"), domain)) sessions.push_back(std::move(session));
   if (sessions.empty()) throw std::runtime_error(fmt::format("no open session is in domain \"{}\"", domain));
   for (const Json& session : sessions) check_idle(session, idle_s);
   for (const Json& session : sessions) close_one(server, session);

@@ -43,7 +43,8 @@ std::shared_ptr<Connection> connect_to(ClientOptions options) {
   }
   std::vector<std::shared_ptr<Connection>> shards;
   std::error_code no_directory;
-  const bool one_record = !options.record.empty() && !std::filesystem::is_directory(options.record, no_directory);
+  const bool one_record = !options.record.empty() && !options.record.ends_with('/') &&
+                          !std::filesystem::is_directory(options.record, no_directory);
   for (const std::string& endpoint : endpoints) {
     ClientOptions of_shard = options;
     of_shard.endpoint = endpoint;

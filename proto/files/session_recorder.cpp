@@ -61,7 +61,7 @@ bool SessionRecorder::wanted(const ExchangeFrames& frames, const wire::SessionOp
   wire::decode(wire::frames_of({frames.request_header, frames.request_payload}), request);
   const auto* open = std::get_if<wire::OpenSession>(&request.body);
   return std::ranges::any_of(options_.sessions, [&](const std::string& name) {
-    return name == opened.scene_name || (open != nullptr && name == open->domain);
+    return name == opened.scene_name || (open != nullptr && wire::is_domain_of_run(open->domain, name));
   });
 }
 

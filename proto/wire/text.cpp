@@ -144,6 +144,18 @@ std::string as_utf8(std::string_view text, std::size_t max_bytes) {
   return out.append(kCut.substr(0, max_bytes - out.size()));
 }
 
+bool is_domain_of_run(std::string_view domain, std::string_view name) {
+  if (!domain.starts_with(name)) return false;
+  domain.remove_prefix(name.size());
+  if (domain.empty()) return true;
+  const std::size_t bar = domain.find('/');
+  const auto number = [](std::string_view text) {
+    return !text.empty() && text.find_first_not_of("0123456789") == text.npos;
+  };
+  return domain.front() == '#' && bar != domain.npos && number(domain.substr(1, bar - 1)) &&
+         number(domain.substr(bar + 1));
+}
+
 std::string_view nearest(std::string_view word, std::span<const std::string_view> candidates) {
   constexpr std::size_t kLongestWord = 128;  // a longer word is not a typing error
   if (word.size() > kLongestWord) return {};

@@ -42,6 +42,9 @@ std::string printable(std::string_view text, std::size_t max_bytes);
 // The same for a whole message, in which line ends stay.
 std::string printable_lines(std::string_view text);
 
+// Whether a session's domain is that of a run: of its name, or of the form NAME#K/N that it has on the K-th of N servers.
+bool is_domain_of_run(std::string_view domain, std::string_view name);
+
 // The server's warnings about a scene that only inform begin with this; the others tell of a probable mistake.
 inline constexpr std::string_view kNote = "note: ";
 

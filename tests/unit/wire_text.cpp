@@ -52,6 +52,13 @@ TEST(Utf8, AnyBytesBecomeValidTextOfAtMostTheLengthAsked) {
   }
 }
 
+TEST(DomainOfRun, IsOfTheNameAloneOrOfOneOfItsServers) {
+  for (const char* domain : {"run", "run#0/2", "run#12/15"})
+    EXPECT_TRUE(wire::is_domain_of_run(domain, "run")) << domain;
+  for (const char* domain : {"", "ru", "runs", "run#", "run#1", "run#/2", "run#1/", "run#a/2", "run#1/2x", "a#0/2"})
+    EXPECT_FALSE(wire::is_domain_of_run(domain, "run")) << domain;
+}
+
 TEST(Printable, EscapesCommandsAndInvalidBytesAndNothingElse) {
   constexpr std::size_t kMost = 200;
   EXPECT_EQ(printable("Stra\xC3\x9F"
