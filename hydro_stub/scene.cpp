@@ -51,6 +51,15 @@ void check_hydro(const guest::HydroScene& scene, scene::Findings& findings) {
     needs(problem.hard, scene.scene().has_hard(), "hard");
   }
   if (problems > 1) findings.add("hydro", fmt::format("[hydro] names {} problems, expected one", problems));
+  if (has_problem2d(hydro)) {
+    const auto unused = [&](bool given, const char* key, const char* why) {
+      if (given && findings.sound(key)) findings.add(key, fmt::format("{} is of shear_column alone: {}", key, why));
+    };
+    unused(hydro.has_dt_s(), "hydro.dt_s", "in two dimensions the step follows from the zones");
+    unused(hydro.cfl() != 1.0, "hydro.cfl", "the Courant number of a cone is cone_target.courant");
+    unused(scene.scene().layer().inertia() && hydro.has_cone_target(), "layer.inertia",
+           "in a cone the zones next to the interface are as heavy as the layer that they hold");
+  }
   if (hydro.interface_law() == guest::INTERFACE_LAW_CONSTANT && !hydro.has_constant_shear_stress_pa() &&
       findings.sound("hydro.constant_shear_stress_pa"))
     findings.add("hydro.interface_law",

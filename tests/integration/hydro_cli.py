@@ -273,6 +273,17 @@ class BadInput(HydroTest):
                 place = self.edited(old, new)
                 self.assert_refused(*texts, *[place] * at_its_place)
 
+    def test_a_cone_takes_no_key_that_it_does_not_use(self):
+        cone = (PROBLEMS / "cone_al_steel_coarse.toml").read_text()
+        for table, line, text in (("[hydro]", "cfl = 0.5", "hydro.cfl is of shear_column alone"),
+                                  ("[hydro]", "dt_s = 1e-9", "hydro.dt_s is of shear_column alone"),
+                                  ("[layer]", "inertia = true", "layer.inertia is of shear_column alone")):
+            self.assertEqual(cone.count(f"{table}\n"), 1)
+            self.scene.write_text(cone.replace(f"{table}\n", f"{table}\n{line}\n"))
+            run = self.hydro("--check")
+            self.assertEqual(run.returncode, 1, run.stdout)
+            self.assertIn(text, run.stderr)
+
     def test_a_load_beyond_the_model_is_told_to_the_user_of_the_hydrocode(self):
         for scene, key, value, quantity in (("cone_al_steel_coarse", "flyer_speed_m_per_s", 4000, r"\w+_pa"),
                                             ("two_half_spaces", "velocity_jump_m_per_s", "[1e5]", "velocity_jump_m_per_s")):
