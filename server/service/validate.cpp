@@ -142,7 +142,8 @@ void check_columns_of_step(const wire::Batch& batch, const shard::Shard& shard) 
     if (column.field != Field::kNodeId && !required && !contains(columns.optional, column.field))
       refuse(Code::kShape, wire::name(column.field),
              fmt::format("column {} does not belong to a step of this scene", wire::name(column.field)),
-             "Send " + join_names({wire::columns_in(form, columns.required), columns.optional}) + " and nothing else.");
+             "Send " + join_names({wire::columns_in(form, columns.required), columns_met(columns.optional, shard)}) +
+                 " and nothing else.");
     check_condition(column.field, shard, wire::name(column.field));
   }
 }

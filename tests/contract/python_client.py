@@ -404,10 +404,12 @@ class Decisions(Live):
         scene.write_text(bus.scene)
         with h5py.File(file) as read:
             numpy.testing.assert_array_equal(read["shear_stress"], history.stress)
-            self.assertEqual((read["shear_stress"].attrs["units"], read["meta/scene"][()].decode()), ("Pa", bus.scene))
+            self.assertEqual((read["shear_stress"].attrs["units"], read["meta/scene"][()].decode()), (b"Pa", bus.scene))
+            legends = [read[name].attrs["legend"] for name in ("regime", "outcome")]
         # The file is what shearbus-replay reads, and the replay answers with the same bits.
         self.run_program(OPTIONS.replay, file, "--scene", scene, "--out", again)
         with h5py.File(again) as read:
+            self.assertEqual([read[name].attrs["legend"] for name in ("regime", "outcome")], legends)
             numpy.testing.assert_array_equal(read["shear_stress"], history.stress)
             numpy.testing.assert_array_equal(read["interface_temperature"], history.temperature)
         bus.step(1e-9, nodes=[7], **drive(60))

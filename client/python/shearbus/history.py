@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy
 
-from ._contract import Regime
+from ._contract import Outcome, Regime
 from .answer import html_table, shown, unit_of
 from .columns import BY_NAME, BY_NUMBER
 
@@ -17,6 +17,11 @@ __all__ = ["History"]
 
 MASSES = ("mass_soft", "mass_hard")
 REGIMES = {name: number for name, number in vars(Regime).items() if name.isupper()}
+LEGENDS = {
+    "regime": ", ".join(f"{number} {name.lower()}" for name, number in REGIMES.items()),
+    "outcome": "0 ok, or a sum of: " + ", ".join(f"{number} {name.lower().replace('_', ' ')}" for name, number in vars(Outcome).items()
+                                                 if name.isupper() and number & (number - 1) == 0)
+}
 
 
 @contextlib.contextmanager
@@ -228,7 +233,7 @@ class History:
             def write(name, values, unit, **options):
                 data = file.create_dataset(name, data=values, **options)
                 if unit:
-                    data.attrs["units"] = unit
+                    data.attrs["units"] = numpy.bytes_(unit)
                 return data
 
             write("time", self.time, "s").attrs["t0"] = self._rows[0].time - self._rows[0].dt
@@ -248,6 +253,8 @@ class History:
                     data = data[0]  # one value per node, as a replay expects it
                 options = {"dtype": h5py.enum_dtype(REGIMES, "u1")} if column.name == "regime" else {}
                 data = write(column.quantity + suffix, data, column.unit, **kept, **options)
+                if column.name in LEGENDS:
+                    data.attrs["legend"] = LEGENDS[column.name]
                 data.attrs["long_name"] = column.quantity.replace("_", " ") + suffix.replace("_", " ")
             meta = file.create_group("meta")
             meta.attrs.update({

@@ -230,7 +230,7 @@ constexpr std::array kParts = {
          .set = [](ModelOptions& o, bool on) { o.sleep = on; },
          .goes_with = Properties::before(kSleep) - Properties{kInertia},
          .equation = "METHODS.md",
-         .adds = "nodes at rest, open or stuck, are not solved; the answers differ by rounding only",
+         .adds = "nodes at rest, open or stuck, are not solved; with BACKWARD_EULER the answers differ by rounding only",
          .when = "contacts that stick for long, velocity-driven or with a plastic layer",
          .cost = "velocity-driven x 1.02, force-driven x 1.11"},
     Part{.property = kTolerance,
