@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <array>
+#include <csignal>
+#include <cstring>
 #include <optional>
 #include <random>
 #include <stdexcept>
@@ -82,6 +84,34 @@ store::StoreOptions store_options(const ServerOptions& options, std::uint64_t ep
 }
 
 // A recording that fails needs the operator, unlike one that began too late.
+// What a signal that ends the server in a recovery tells: the record, in which a friction law of the server's own may crash.
+std::array<char, 256> last_words{};
+
+extern "C" void tell_last_words(int signal) {
+  static_cast<void>(::write(STDERR_FILENO, last_words.data(), ::strnlen(last_words.data(), last_words.size())));
+  static_cast<void>(::raise(signal));  // which has its default again
+}
+
+constexpr std::array kFatalSignals{SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP, SIGABRT};
+
+class LastWords {
+ public:
+  LastWords() {
+    struct sigaction act {};
+    act.sa_handler = &tell_last_words;
+    act.sa_flags = static_cast<int>(SA_RESETHAND | SA_NODEFER);
+    for (std::size_t i = 0; i < kFatalSignals.size(); ++i) ::sigaction(kFatalSignals[i], &act, &before_[i]);
+  }
+  LastWords(const LastWords&) = delete;
+  LastWords& operator=(const LastWords&) = delete;
+  ~LastWords() {
+    for (std::size_t i = 0; i < kFatalSignals.size(); ++i) ::sigaction(kFatalSignals[i], &before_[i], nullptr);
+  }
+
+ private:
+  std::array<struct sigaction, kFatalSignals.size()> before_{};
+};
+
 std::function<void(const std::string&, bool)> log_of_recordings(const Log& log) {
   if (!log.info) return {};
   return [info = log.info](const std::string& line, bool failed) { info((failed ? "ALARM: " : "WARNING: ") + line); };
@@ -123,6 +153,8 @@ bool Server::recover(int stop_fd, ServiceManager* manager) {
   stop_fd_ = stop_fd;
   manager_ = manager;
   looked_at_socket_ns_ = looked_after_ns_ = monotonic_ns();
+  std::optional<LastWords> last;
+  if (manager != nullptr) last.emplace();  // not in the process of a host
   try {
     service_.recover();
   } catch (const store::Interrupted&) {
@@ -133,6 +165,15 @@ bool Server::recover(int stop_fd, ServiceManager* manager) {
 
 // Called between the requests that are replayed, and between the slices of their steps.
 void Server::while_replaying() {
+  if (manager_ != nullptr) {
+    const std::string at = store_->replaying();  // its last word is the session
+    const auto end =
+        fmt::format_to_n(last_words.data(), last_words.size() - 1,
+                         "ALARM: the server ends by a signal in the replay of {}. If a friction law of its "
+                         "own is at fault, start it without the session: --drop-session {}\n",
+                         at, std::string_view(at).substr(at.rfind(' ') + 1));
+    *end.out = '\0';
+  }
   const std::uint64_t now = monotonic_ns();
   if (now - looked_at_socket_ns_ < kLookWhileReplayingNs) return;
   looked_at_socket_ns_ = now;

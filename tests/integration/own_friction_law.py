@@ -41,7 +41,8 @@ class OwnFrictionLaw(served.Served):
         path = pathlib.Path(scratch.name)
         (path / "include/shearbus").mkdir(parents=True)  # where the package puts the header
         shutil.copy(SOURCE / "server/physics/interface/friction_law.h", path / "include/shearbus")
-        include = f"-I{path / 'include'}"
+        cls.include = path / "include"
+        include = f"-I{cls.include}"
         cls.laws = ["--friction-law", f"slip_weakening={path / 'good.so'}"]
         subprocess.run(["cc", "-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", include, "-o", path / "good.so", served.EXAMPLES / "friction_law.c"], check=True)
         for name, body in BAD.items():
@@ -111,6 +112,26 @@ class OwnFrictionLaw(served.Served):
         durable.wait()
         errors = self.refused(OPTIONS.server, "--bind", bus, "--state-dir", self.path / "state", said="Start the server with the options that it had")
         self.assertNotIn("--accept-empty", errors)
+
+    def test_a_law_that_crashes_names_the_session_to_be_dropped(self):
+        state, bus = self.path / "crash", f"ipc://{self.path}/crashes"
+        (self.path / "crash.cpp").write_text(BAD_LAW % "__builtin_trap();")
+        subprocess.run(["c++", "-shared", "-fPIC", f"-I{self.include}", "-o", self.path / "crash.so", self.path / "crash.cpp"], check=True)
+        command = (OPTIONS.server, "--bind", bus, "--state-dir", state, "--friction-law", f"crash={self.path / 'crash.so'}", *self.laws)
+        server = served.serve(self, self.path / "crash.log", *command)
+        session, other = (shearbus.open(scene(law), nodes=range(4), endpoint=bus, reply_deadline=0.5) for law in ("crash", "slip_weakening"))
+        self.forced(other, np.full(4, 1e8))
+        with self.assertRaises(shearbus.Error):
+            self.forced(session, np.full(4, 3e8))
+        self.assertLess(server.wait(), 0)
+        again = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=served.PATIENCE_S)
+        self.assertLess(again.returncode, 0)
+        drop = f"--drop-session {session.ticket[:8]}"
+        self.assertIn(drop, again.stderr)
+        server = served.serve(self, self.path / "crash.log", *command, *drop.split())
+        self.forced(other, np.full(4, 1e8))
+        other.close()
+        session.leave()
 
     def test_a_library_without_a_law_stops_the_start(self):
         for given, told, code in ((f"x={self.path}/none.so", "none.so", 1), ("x", "NAME=FILE", 2),
