@@ -172,6 +172,9 @@ void check_command_line(const ServerOptions& options) try {
   std::set<std::string> seen;
   for (const std::string& text : options.endpoints) {
     const auto endpoint = shearbus::transport::Endpoint::parse(text);
+    if (endpoint.scheme == shearbus::transport::Scheme::kInproc)
+      throw std::invalid_argument(
+          fmt::format("--bind {}: no other process reaches it; expected ipc:// or tcp://", text));
     const std::string place =
         endpoint.path.empty() ? text : std::filesystem::absolute(endpoint.path).lexically_normal().string();
     if (endpoint.port != "*" && !seen.insert(place).second)

@@ -102,6 +102,7 @@ class Programs(unittest.TestCase):
             (["shearbus-server", "--bind", "ipc:///nowhere/s", "--accept-empty"], "--accept-empty requires --state-dir"),
             (["shearbus-server", "--bind", "ipc:///nowhere/s", "--durability", "power"], "--durability requires --state-dir"),
             (["shearbus-server", "--bind", "ipc:///no/s", "--bind", "ipc:///no/./s"], "--bind ipc:///no/./s is given twice; leave out one of the two"),
+            (["shearbus-server", "--bind", "inproc://x"], "--bind inproc://x: no other process reaches it; expected ipc:// or tcp://"),
             (["shearbus-server", "--bind", "ipc:///no/s", "--threads", "5000"], "--threads: 5000 is out of range, expected 0 to 4096"),
             (["shearbus-server", "--bind", "ipc:///no/s", "--log-file", "a", "--log-file", "b"], "--log-file is given 2 times, expected once"),
             (["shearbus-ctl", "stats"], "stats is no command of shearbus-ctl; did you mean status?"),
