@@ -117,6 +117,18 @@ class Run {
                    melting_zone_warning(file_.scene, half_zone_[static_cast<std::size_t>(node)], cycle_.state().time));
         warns_of_melting_ = false;
       }
+      if (warns_of_cold_ && fields_.times_s().back() == cycle_.state().time) {
+        const std::vector<double>& temperature = cycle_.state().temperature;
+        const auto coldest = std::ranges::min_element(temperature);
+        if (*coldest < 0.0) {
+          bar.clear();
+          fmt::print(stderr,
+                     "shearbus-hydro: warning: zone {} has {:.0f} K at {:g} s, which is below absolute zero: what "
+                     "follows is unphysical. Lower the speeds, or make the zones finer.\n",
+                     coldest - temperature.begin(), *coldest, cycle_.state().time);
+          warns_of_cold_ = false;
+        }
+      }
       bar.show([&](double elapsed_s) {
         return program::extent_of_time({.begun_s = begun_s,
                                         .now_s = cycle_.state().time,
@@ -258,6 +270,7 @@ class Run {
   RestartDumps dumps_;
   std::vector<double> half_zone_;  // half the thickness of the soft zones at each interface node  [m]
   bool warns_of_melting_;          // the interface law is law (5), and no zone has been near melting yet
+  bool warns_of_cold_ = true;      // no frame has had a zone below 0 K yet
   InterfaceHistory interface_;
   HistoryRows surface_;
   files::ProfileRecord profiles_;

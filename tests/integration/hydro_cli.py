@@ -293,6 +293,11 @@ class BadInput(HydroTest):
             self.assertRegex(run.stderr, rf"INVALID_VALUE: in step \d+, to [\d.e-]+ s: {quantity} of node 0 is .*The load on the interface is beyond the range of the model")
             self.assertNotIn("send the step again", run.stderr)
 
+    def test_a_zone_below_absolute_zero_is_told_once(self):
+        for speed, told in ((800, 0), (2500, 1)):
+            served.edited(PROBLEMS / "cone_al_steel_coarse.toml", self.scene, flyer_speed_m_per_s=speed)
+            self.assertEqual(self.hydro("--no-plot").stderr.count("which is below absolute zero"), told)
+
     def test_scene_without_a_problem(self):
         self.scene.write_text(SCENE[:SCENE.index("[hydro]")])
         self.assert_refused("[hydro]")
