@@ -96,7 +96,8 @@ Struct known(const Struct* given, const char* type) {
   if (given == nullptr)
     refuse(Code::kInvalidValue, fmt::format("the {} is NULL", type), "Give a struct that starts from its _INIT.");
   if (!has_sound_size(*given))
-    refuse(Code::kInvalidValue, fmt::format("{}.size is {}, expected at least {}", type, given->size, sizeof(Struct)),
+    refuse(Code::kInvalidValue,
+           fmt::format("{}.size is {}, expected {} to {}", type, given->size, sizeof(Struct), kLargestStruct),
            "Start the struct from its _INIT, which sets the size.");
   const auto* bytes = reinterpret_cast<const unsigned char*>(given);
   if (std::any_of(bytes + sizeof(Struct), bytes + given->size, [](unsigned char byte) { return byte != 0; }))

@@ -80,7 +80,8 @@ PosixStorage::~PosixStorage() {
 
 void PosixStorage::refuse_held() const {
   throw StorageError(
-      "another server holds the state directory " + path_.string() + "; stop it first, or choose another directory",
+      "another server holds the state directory " + path_.string() +
+          ", or a process that a host with a server inside has forked; stop it first, or choose another directory",
       EBUSY);
 }
 
