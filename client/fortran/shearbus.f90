@@ -425,15 +425,29 @@ contains
     character(len=*), intent(in), optional :: endpoint, name, server_key_file, secret_key_file, state_dir, check_closure, &
                                               pair(:), parameters(:)
     real(real64), intent(in), optional :: connect_deadline, reply_deadline, retry_after, values(:, :)
-    integer(int64), intent(in), optional :: nodes(:)
+    class(*), intent(in), optional :: nodes(:)
     integer, intent(in), optional :: threads
     integer, intent(out), optional :: stat
     character(len=*), intent(inout), optional :: msg
     type(text_of_c), target :: texts(8)
     type(c_options) :: options
+    type(c_status) :: status
+    integer(c_int) :: code
     integer(int64), allocatable :: expected(:)
     allocate (expected(0))
-    if (present(nodes)) expected = nodes
+    if (present(nodes)) then
+      select type (nodes)
+      type is (integer(int32))
+        expected = nodes
+      type is (integer(int64))
+        expected = nodes
+      class default
+        call clear(status)
+        call refuse_text(code, status, 'nodes are not whole numbers of 32 or 64 bits')
+        call report(code, status, stat, msg)
+        return
+      end select
+    end if
     call give_options(options, texts, endpoint=endpoint, name=name, server_key_file=server_key_file, &
                       secret_key_file=secret_key_file, connect_deadline=connect_deadline, reply_deadline=reply_deadline, &
                       retry_after=retry_after, state_dir=state_dir, threads=threads, check_closure=check_closure)

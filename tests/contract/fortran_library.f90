@@ -425,7 +425,7 @@ contains
     call check('refused nodes are not there', bus%n == n)
     ticket = bus%ticket()
     call bus%leave()
-    call other%resume(ticket, endpoint=endpoint, nodes=ids, pair=names(n:1:-1), stat=stat, msg=msg)
+    call other%resume(ticket, endpoint=endpoint, nodes=int(ids), pair=names(n:1:-1), stat=stat, msg=msg)
     call refused('other pairs', 206, 'node 603 has the pair "copper" in the session, the host ""')
     call other%resume(ticket, endpoint=endpoint, nodes=ids, pair=names, parameters=[key], values=reshape(mu, [n, 1]), &
                       stat=stat, msg=msg)
