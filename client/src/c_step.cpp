@@ -311,7 +311,7 @@ int shearbus_step(shearbus_session* session, const shearbus_request* request, sh
 
 int shearbus_set_fallback(shearbus_session* session, shearbus_fallback_fn law, void* user, shearbus_status* status) {
   return guarded(session, status, [&] {
-    session_of(session);
+    session_of(static_cast<const shearbus_session*>(session));  // a step in doubt stays in doubt
     const auto patience = fallback_patience(session->ignores_environment ? "" : environment("SHEARBUS_FALLBACK"));
     if (!session->fallback) session->fallback.emplace();
     session->fallback->use(patience ? law : nullptr, user, patience.value_or(std::chrono::milliseconds(0)));
