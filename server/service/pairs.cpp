@@ -181,8 +181,7 @@ shard::PairsOfNodes SessionPairs::with_models(std::span<const std::vector<double
         refuse(Code::kInvalidValue, "parameter",
                "these values give the layer other states than the scene's, as its cells or modes depend on them",
                "Open a session of its own for them, or give the scene these values (shearbus-hydro sends "
-               "layer.thickness_m, "
-               "half a zone), or cells in place of a tolerance.");
+               "layer.thickness_m, half a zone), or cells in place of a tolerance.");
       made.pairs.push_back({std::move(model), values[i]});
     } catch (const Error& fault) {
       wire::Status status = fault.status();

@@ -3,6 +3,7 @@
 // namespace; so it has no include guard.
 
 inline constexpr int kWidth = SHEARBUS_WIDTH;
+inline constexpr std::uint32_t kAllOfRegister = (1u << kWidth) - 1u;  // its lanes
 #if SHEARBUS_WIDTH > 1
 using Register [[gnu::vector_size(8 * kWidth)]] = double;
 using Bits [[gnu::vector_size(8 * kWidth)]] = std::uint64_t;
@@ -94,7 +95,7 @@ using Mask = decltype(Register{} < Register{});  // all bits of a lane where a c
 }
 
 [[gnu::always_inline]] inline bool everywhere(Mask mask) {
-  return lanes_where(mask) == (1u << kWidth) - 1u;
+  return lanes_where(mask) == kAllOfRegister;
 }
 [[gnu::always_inline]] inline bool anywhere(Mask mask) {
   return lanes_where(mask) != 0;

@@ -11,7 +11,6 @@ inline constexpr double kMargin = 1.0 + 1e-9;
 inline constexpr double kLeastLoad = 0x1p-1022;    // smallest stress  [Pa]
 inline constexpr double kRoundedUp = 1.0 + 1e-12;  // so that a flux is as near as its stress in spite of rounding
 inline constexpr double kUnlimited = 1e9;          // limit of a lane whose yielding vertices are not known
-inline constexpr std::uint32_t kAllOfRegister = (1u << kWidth) - 1u;
 inline constexpr int kNewtonSteps = 2;             // of find_roots(); the balance is nearly linear in y
 inline constexpr double kMostChange = 0.5;         // largest relative change of the series with which a root is of use
 

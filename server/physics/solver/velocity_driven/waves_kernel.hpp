@@ -351,7 +351,7 @@ class WaveLanes {
 inline std::uint32_t solve_waves(const WaveTile& tile, WaveRows& rows, std::uint32_t lanes) {
   std::uint32_t solved = 0;
   for (int lane = 0; lane < kLanes; lane += kWidth) {
-    const std::uint32_t wanted = lanes >> lane & ((1u << kWidth) - 1u);
+    const std::uint32_t wanted = lanes >> lane & kAllOfRegister;
     if (wanted != 0) solved |= WaveLanes(tile, rows, lane).solve(wanted) << lane;
   }
   return solved;
